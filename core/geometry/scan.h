@@ -1,0 +1,32 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <Eigen/Core>
+#include <functional>
+#include <vector>
+
+namespace mapkeep {
+
+/// One LiDAR sweep in the sensor frame. Not organised: any order, any pattern.
+struct Scan {
+  std::vector<Eigen::Vector3f> points;  ///< metres
+  std::vector<float> intensities;       ///< one a point, [0, 1]; or empty: unknown
+  double time = 0;                      ///< start of the sweep, seconds since 1970 (UTC), 0 if unknown
+};
+
+/// A sequence of scans that may not fit in memory. `read(i)` gives scan i in [0, count), the same bytes every time, and
+/// may be called from several threads at once.
+struct ScanSource {
+  size_t count = 0;
+  std::function<absl::StatusOr<Scan>(size_t index)> read;
+};
+
+/// A source over scans held in memory.
+ScanSource SourceOf(std::vector<Scan> scans);
+
+/// INVALID_ARGUMENT naming the first point that is not finite, or if there is no point or the intensities do not match.
+absl::Status CheckScan(const Scan& scan);
+
+}  // namespace mapkeep

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "core/voxels/block.h"
+
+namespace mapkeep {
+
+/// The maintained map's own filter (paper section 3.4, last paragraph): the rules of removal on the stored statistics.
+struct MapFilterParameters {
+  double voxel_size = 0.2;            ///< metres, the map's
+  double eta = 1e-3;                  ///< eta of eq. 4, scans
+  double stability_threshold = 0.35;  ///< R below it: not static, unless ground
+  double cluster_radius = 0.5;        ///< epsilon of DBSCAN, metres
+  int cluster_min_neighbours = 5;     ///< N_min of DBSCAN
+  double cluster_threshold = 0.4;     ///< tau_cluster of eq. 5
+  int isolated_min_neighbours = 1;    ///< occupied 26-neighbours below which a voxel is isolated noise
+};
+
+/// A block and its 26 neighbours in the order of NeighbourhoodOf; nullptr where the map has none. Entry 13 is present.
+using BlockNeighbourhood = std::array<const Block*, 27>;
+
+/// The static flag of every voxel of the centre block, in its order. A pure function of the 27 blocks' counts, means
+/// and ground flags (not of their static flags), so that filtering what a commit touched and its neighbours equals
+/// filtering the whole map.
+std::vector<bool> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters);
+
+}  // namespace mapkeep

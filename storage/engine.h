@@ -1,0 +1,82 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace mapkeep {
+
+/// A row to write, or to delete (no value).
+struct Mutation {
+  std::string key;
+  std::optional<std::string> value;
+};
+
+/// What a row must be for a compare-and-set to happen: this value, or absent (no value).
+struct Condition {
+  std::string key;
+  std::optional<std::string> value;
+};
+
+/// An immutable value, written once under a key that never comes back with other content.
+struct ImmutableValue {
+  std::string key;
+  std::string value;
+};
+
+enum class Durability {
+  kBuffered,  ///< survives the process, and becomes durable with the partition's next durable write or Sync
+  kDurable,   ///< survives power loss once the call returns
+};
+
+/// The key-value store underneath: what RocksDB and Ceph RADOS can both do, and nothing else. Partitions are named
+/// groups of rows ordered by key as bytes. Thread-safe. A status of UNKNOWN or DEADLINE_EXCEEDED from a write means
+/// that it may have been applied, or may still be; every other error means that it was not and will not be.
+class Engine {
+ public:
+  virtual ~Engine() = default;
+
+  /// The row's value, or nothing.
+  virtual absl::StatusOr<std::optional<std::string>> Get(std::string_view partition, std::string_view key) const = 0;
+
+  /// Calls `row` for each row with begin <= key < end (an empty end: to the last), in order, until it returns false.
+  virtual absl::Status Scan(std::string_view partition, std::string_view begin, std::string_view end,
+                            const std::function<bool(std::string_view key, std::string_view value)>& row) const = 0;
+
+  /// All mutations or none.
+  virtual absl::Status Write(std::string_view partition, std::span<const Mutation> mutations,
+                             Durability durability) = 0;
+
+  /// If every condition holds, applies every mutation, in one atomic and durable step; otherwise ABORTED naming the
+  /// first condition that failed. Everything this process wrote before, in any partition and as a value, is durable
+  /// with it.
+  virtual absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
+                                     std::span<const Mutation> mutations) = 0;
+
+  /// Writes values that nobody changes afterwards, together under one group (a tile, a session): not atomic, durable
+  /// with the next durable write.
+  virtual absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) = 0;
+
+  /// NOT_FOUND if it was never written or is deleted.
+  virtual absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const = 0;
+
+  /// Deleting what is not there is fine.
+  virtual absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) = 0;
+
+  /// Keys of a group in order, for the collector and checks.
+  virtual absl::Status ScanValueKeys(std::string_view group, std::string_view begin, std::string_view end,
+                                     const std::function<bool(std::string_view key)>& row) const = 0;
+
+  /// Makes everything written so far durable.
+  virtual absl::Status Sync() = 0;
+
+  /// A consistent copy of everything in a new directory, while serving.
+  virtual absl::Status Checkpoint(const std::string& directory) = 0;
+};
+
+}  // namespace mapkeep

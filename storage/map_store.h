@@ -1,0 +1,122 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/voxels/block.h"
+#include "core/voxels/voxel_index.h"
+#include "storage/engine.h"
+
+namespace mapkeep {
+
+/// What a map is, apart from its content.
+struct MapRecord {
+  std::string name;
+  uint64_t incarnation = 0;               ///< random; tells a map from an earlier one of the same name
+  double voxel_size = 0.2;                ///< metres
+  std::optional<Eigen::Vector3d> origin;  ///< of the map's coordinates in the robots' frame, metres; see Map.origin
+  std::string crs;                        ///< "EPSG:N" or empty
+  double created = 0;                     ///< seconds since 1970 (UTC)
+};
+
+/// Sums over the map's blocks, kept in the tree so that they cost nothing to read.
+struct MapTotals {
+  uint64_t voxels = 0, static_voxels = 0, blocks = 0, tiles = 0;
+  bool operator==(const MapTotals&) const = default;
+};
+
+/// Axis-aligned range of blocks, both ends inclusive.
+struct BlockRange {
+  VoxelIndex first, last;
+};
+
+/// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
+class Snapshot {
+ public:
+  virtual ~Snapshot() = default;
+  virtual uint64_t epoch() const = 0;
+  virtual const MapRecord& map() const = 0;
+  virtual const MapTotals& totals() const = 0;
+  /// Smallest range of blocks that holds the map, to whole tiles in x and y; nothing while it is empty.
+  virtual std::optional<BlockRange> bounds() const = 0;
+
+  /// The block, or nullptr if the map has none there. DATA_LOSS naming the block if its value is damaged or missing.
+  virtual absl::StatusOr<std::shared_ptr<const Block>> Read(BlockKey key) const = 0;
+
+  /// Tiles with at least one block whose column touches the range (everything: no range), in key order.
+  virtual absl::StatusOr<std::vector<TileKey>> Tiles(const std::optional<BlockRange>& range) const = 0;
+
+  /// Keys of the blocks of a tile, in order.
+  virtual absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const = 0;
+};
+
+/// What one commit did: the history of a map is the sequence of these.
+struct CommitRecord {
+  uint64_t epoch = 0;
+  std::string session;
+  uint64_t base_epoch = 0;  ///< the epoch that the session was aligned to and its exposures counted against
+  std::string attempt;      ///< session and 64 random bits
+  double time = 0;          ///< seconds since 1970 (UTC)
+  std::vector<TileKey> touched_tiles;
+};
+
+/// A commit to be made. `blocks` computes the changed blocks against the head that it is given (an empty block
+/// deletes); it is called again, with the new head, when another commit came first, so it must not keep what it saw.
+struct CommitRequest {
+  std::string session;
+  uint64_t base_epoch = 0;
+  uint64_t lease_fence = 0;               ///< of the session's job lease; the commit fails if it has moved on
+  std::optional<Eigen::Vector3d> origin;  ///< sets the map's origin in the same step; only on a map without one
+  std::function<absl::StatusOr<std::vector<Block>>(const Snapshot& head)> blocks;
+};
+
+/// Versioned maps on an engine: immutable trees of blocks, a head a map, and the commit protocol of the design's
+/// section
+/// 4. Thread-safe.
+class MapStore {
+ public:
+  virtual ~MapStore() = default;
+
+  /// ALREADY_EXISTS if the name is taken. Fills in incarnation.
+  virtual absl::StatusOr<MapRecord> Create(const MapRecord& record) = 0;
+  /// NOT_FOUND.
+  virtual absl::StatusOr<MapRecord> Find(std::string_view name) const = 0;
+  /// By name, after `after` (empty: from the first), at most `limit`.
+  virtual absl::StatusOr<std::vector<MapRecord>> List(std::string_view after, size_t limit) const = 0;
+  /// Deletes the map and everything in it; snapshots open on it may fail afterwards. NOT_FOUND.
+  virtual absl::Status Delete(std::string_view name) = 0;
+
+  /// The newest epoch, or a given one: NOT_FOUND if there is no such map or it never had the epoch, FAILED_PRECONDITION
+  /// (with the oldest one kept in the message) if that epoch is collected.
+  virtual absl::StatusOr<std::unique_ptr<Snapshot>> Open(std::string_view map,
+                                                         std::optional<uint64_t> epoch = {}) const = 0;
+
+  /// Commits exactly once: if the session is applied already, gives the record of then and calls nothing. ABORTED if
+  /// the lease moved on or the map was deleted meanwhile; errors of `blocks` are passed on. On any error nothing of it
+  /// is in the map.
+  virtual absl::StatusOr<CommitRecord> Commit(std::string_view map, const CommitRequest& request) = 0;
+
+  /// The record of a session's commit, if it is applied.
+  virtual absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map,
+                                                                 std::string_view session) const = 0;
+};
+
+struct MapStoreOptions {
+  size_t block_cache_bytes = size_t{256} << 20;  ///< decoded blocks and tree nodes kept in memory
+  double intent_seconds = 600;                   ///< after which an unfinished attempt may be collected
+};
+
+/// `engine` outlives the store.
+std::unique_ptr<MapStore> OpenMapStore(Engine& engine, const MapStoreOptions& options);
+
+}  // namespace mapkeep

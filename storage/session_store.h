@@ -1,0 +1,106 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/scan.h"
+#include "core/registration/aligner.h"
+#include "storage/engine.h"
+
+namespace mapkeep {
+
+enum class SessionState : uint8_t { kUploading = 1, kQueued, kRunning, kCommitted, kRefused, kFailed };
+
+/// Whether a session in this state is over.
+constexpr bool HasEnded(SessionState state) { return state >= SessionState::kCommitted; }
+
+struct StageTime {
+  std::string stage;
+  double seconds = 0;
+};
+
+/// What the pipeline found out; see SessionReport in proto/mapkeep/v1/session_service.proto.
+struct SessionReport {
+  std::vector<WindowResult> windows;
+  std::vector<StageTime> stages;
+  uint64_t points = 0, points_removed = 0, points_restored = 0;
+  uint64_t session_voxels = 0, voxels_kept = 0, static_voxels = 0, blocks_touched = 0;
+  uint64_t base_epoch = 0, epoch = 0;
+};
+
+struct SessionRecord {
+  std::string map;
+  std::string id;
+  std::string robot;
+  SessionState state = SessionState::kUploading;
+  bool keep_scans = false;
+  std::vector<uint32_t> scan_crc32c;  ///< of every scan: the session's content
+  uint32_t durable_scans = 0;         ///< scans [0, durable_scans) are staged; not lowered when they are deleted
+  bool scans_deleted = false;
+  double created = 0, ended = 0, start_time = 0;  ///< seconds since 1970 (UTC)
+  std::string reason;                             ///< why it was refused or failed
+  SessionReport report;
+};
+
+/// A scan as it waits for the pipeline: as uploaded, bit for bit.
+struct StagedScan {
+  Scan scan;
+  Pose pose = Pose::Identity();  ///< T_odometry_sensor
+};
+
+/// Sessions and their staged scans on an engine. Thread-safe; changes of one session's record are compare-and-set, so
+/// that two writers cannot both believe they won (the loser gets ABORTED).
+class SessionStore {
+ public:
+  virtual ~SessionStore() = default;
+
+  /// Makes the session in state uploading, or gives the one that exists with the same content. ALREADY_EXISTS, naming
+  /// the first difference, if its scans differ.
+  virtual absl::StatusOr<SessionRecord> Begin(const SessionRecord& session) = 0;
+  /// NOT_FOUND.
+  virtual absl::StatusOr<SessionRecord> Find(std::string_view map, std::string_view id) const = 0;
+  /// By creation time then id, after `after` (an opaque position from the last call, empty: from the first).
+  struct Page {
+    std::vector<SessionRecord> sessions;
+    std::string next;  ///< empty when there is no more
+  };
+  virtual absl::StatusOr<Page> List(std::string_view map, std::string_view after, size_t limit) const = 0;
+  /// Sessions of any map in state queued or running, oldest first: what a starting daemon goes on with.
+  virtual absl::StatusOr<std::vector<SessionRecord>> Unfinished() const = 0;
+
+  /// Stages scans [first, first + scans.size()), durably when it returns, and moves durable_scans. OUT_OF_RANGE if
+  /// `first` is not durable_scans, FAILED_PRECONDITION if the session is not uploading.
+  virtual absl::Status AppendScans(std::string_view map, std::string_view id, uint32_t first,
+                                   std::span<const StagedScan> scans) = 0;
+  /// One staged scan. DATA_LOSS if it is damaged.
+  virtual absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const = 0;
+
+  /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise.
+  virtual absl::Status Update(const SessionRecord& session, SessionState expected) = 0;
+
+  /// Aligned poses, one a scan, durable when it returns.
+  virtual absl::Status WritePoses(std::string_view map, std::string_view id, std::span<const Pose> poses) = 0;
+  /// NOT_FOUND before they are written.
+  virtual absl::StatusOr<std::vector<Pose>> ReadPoses(std::string_view map, std::string_view id) const = 0;
+
+  /// Deletes the staged scans and marks the record.
+  virtual absl::Status DeleteScans(std::string_view map, std::string_view id) = 0;
+  /// Deletes the session whole. FAILED_PRECONDITION while it is queued or running.
+  virtual absl::Status Delete(std::string_view map, std::string_view id) = 0;
+  /// Deletes every session of a map, in any state.
+  virtual absl::Status DeleteAll(std::string_view map) = 0;
+};
+
+/// `engine` outlives the store.
+std::unique_ptr<SessionStore> OpenSessionStore(Engine& engine);
+
+}  // namespace mapkeep
