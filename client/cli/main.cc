@@ -35,6 +35,7 @@ int Run(int argc, char** argv) {
   AddExportCommand(line);
   AddQueryCommand(line);
   AddCleanCommand(line);
+  AddPictureCommand(line);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
