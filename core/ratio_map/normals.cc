@@ -15,6 +15,7 @@ namespace {
 // Below this share of the largest eigenvalue the second one says "a line", and a line has no normal.
 constexpr double kLineShare = 0.03;
 constexpr int kMinSurfels = 3;
+constexpr int kMaxReach = 2;  // voxels to each side
 
 // Scatter of the occupied sub-voxel centres about their mean, in voxel edges squared, and their count.
 struct Spread {
@@ -37,86 +38,113 @@ Spread SpreadOf(uint64_t mask) {
   return spread;
 }
 
-// The surfels near a voxel: the neighbours in a row along x are neighbours in the list too unless a block ends.
-class Neighbours {
- public:
-  Neighbours(std::span<const Surfel> surfels, double radius)
-      : surfels_(surfels), radius_(radius), reach_(static_cast<int>(std::ceil(radius))) {}
+// The surfels of one block, a run of the sorted list.
+struct BlockRun {
+  BlockKey key{};
+  size_t begin = 0, end = 0;
+};
 
-  // visit(surfel, offset of its mean from that of surfel `of`, in voxel edges), in a fixed order.
-  template <typename Visit>
-  void ForEach(size_t of, const Visit& visit) const {
-    const VoxelIndex centre = VoxelIndexOf(surfels_[of].key);
-    for (int dz = -reach_; dz <= reach_; ++dz) {
-      for (int dy = -reach_; dy <= reach_; ++dy) {
-        for (int dx = -reach_; dx <= reach_; ++dx) {
-          const VoxelIndex at{centre.x + dx, centre.y + dy, centre.z + dz};
-          if (!InRange(at)) continue;
-          const auto found = Find(VoxelKeyOf(at), of);
-          if (found == surfels_.size()) continue;
-          const Eigen::Vector3d offset =
-              (surfels_[found].mean - surfels_[of].mean).cast<double>() + Eigen::Vector3d(dx, dy, dz);
-          if (offset.squaredNorm() <= radius_ * radius_) visit(surfels_[found], offset);
-        }
-      }
+std::vector<BlockRun> BlockRunsOf(std::span<const Surfel> surfels) {
+  std::vector<BlockRun> runs;
+  for (size_t i = 0; i < surfels.size(); ++i) {
+    const BlockKey key = BlockKeyOf(surfels[i].key);
+    if (runs.empty() || runs.back().key != key) runs.push_back({key, i, i});
+    runs.back().end = i + 1;
+  }
+  return runs;
+}
+
+// The surfels of a block and of a margin around it, in a dense grid.
+class Surroundings {
+ public:
+  struct Entry {
+    Eigen::Vector3d mean;  // voxel edges from the block's corner
+    Spread spread;
+  };
+
+  Surroundings(std::span<const Surfel> surfels, std::span<const BlockRun> runs, const BlockRun& centre)
+      : grid_(kEdge * kEdge * kEdge, kNone) {
+    const VoxelIndex block = BlockIndexOf(centre.key);
+    for (const VoxelIndex& at : NeighbourhoodOf(block)) {
+      if (!InRange({at.x * kBlockSize, at.y * kBlockSize, at.z * kBlockSize})) continue;
+      const auto run = std::ranges::lower_bound(runs, BlockKeyOf(at), {}, &BlockRun::key);
+      if (run == runs.end() || run->key != BlockKeyOf(at)) continue;
+      for (const Surfel& surfel : surfels.subspan(run->begin, run->end - run->begin)) Add(surfel, block);
     }
+  }
+
+  // Coordinates from the block's corner, within the margin.
+  const Entry* At(const VoxelIndex& at) const {
+    const int32_t entry = grid_[CellOf(at)];
+    return entry == kNone ? nullptr : &entries_[entry];
   }
 
  private:
-  // Keys of neighbours are mostly close in the list: gallop from `near`.
-  size_t Find(VoxelKey key, size_t near) const {
-    size_t low = near, high = near, step = 1;
-    if (surfels_[near].key < key) {
-      while (high < surfels_.size() && surfels_[high].key < key) {
-        low = high;
-        high += step;
-        step *= 2;
-      }
-      high = std::min(high + 1, surfels_.size());
-    } else {
-      while (low > 0 && surfels_[low].key > key) {
-        high = low;
-        low = low > step ? low - step : 0;
-        step *= 2;
-      }
-      high = std::min(high + 1, surfels_.size());
-    }
-    const auto range = surfels_.subspan(low, high - low);
-    const auto found = std::ranges::lower_bound(range, key, {}, &Surfel::key);
-    return found != range.end() && found->key == key ? low + (found - range.begin()) : surfels_.size();
+  static constexpr int kEdge = kBlockSize + 2 * kMaxReach;
+  static constexpr int32_t kNone = -1;
+
+  static size_t CellOf(const VoxelIndex& at) {
+    return static_cast<size_t>(at.x + kMaxReach + kEdge * (at.y + kMaxReach + kEdge * (at.z + kMaxReach)));
   }
 
-  std::span<const Surfel> surfels_;
-  double radius_;
-  int reach_;
+  void Add(const Surfel& surfel, const VoxelIndex& block) {
+    const VoxelIndex voxel = VoxelIndexOf(surfel.key);
+    const VoxelIndex at{voxel.x - block.x * kBlockSize, voxel.y - block.y * kBlockSize, voxel.z - block.z * kBlockSize};
+    const auto inside = [](int32_t c) { return c >= -kMaxReach && c < kBlockSize + kMaxReach; };
+    if (!inside(at.x) || !inside(at.y) || !inside(at.z)) return;
+    grid_[CellOf(at)] = static_cast<int32_t>(entries_.size());
+    entries_.push_back({Eigen::Vector3d(at.x, at.y, at.z) + surfel.mean.cast<double>(), SpreadOf(surfel.mask)});
+  }
+
+  std::vector<int32_t> grid_;
+  std::vector<Entry> entries_;
 };
 
-std::array<uint8_t, 2> NormalOf(const Neighbours& neighbours, const Surfel& surfel, size_t index) {
+std::array<uint8_t, 2> NormalAt(const VoxelIndex& at, const Surroundings& surroundings, double radius,
+                                const Eigen::Vector3d& towards_sensor) {
+  const Surroundings::Entry& centre = *surroundings.At(at);
+  const int reach = std::min(static_cast<int>(std::ceil(radius)), kMaxReach);
   int count = 0;
   double weight = 0;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
-  neighbours.ForEach(index, [&](const Surfel& other, const Eigen::Vector3d& offset) {
-    const Spread spread = SpreadOf(other.mask);
-    ++count;
-    weight += spread.cells;
-    sum += spread.cells * offset;
-    products += spread.cells * offset * offset.transpose() + spread.scatter;
-  });
+  for (int dz = -reach; dz <= reach; ++dz) {
+    for (int dy = -reach; dy <= reach; ++dy) {
+      for (int dx = -reach; dx <= reach; ++dx) {
+        const Surroundings::Entry* other = surroundings.At({at.x + dx, at.y + dy, at.z + dz});
+        if (other == nullptr) continue;
+        const Eigen::Vector3d offset = other->mean - centre.mean;
+        if (offset.squaredNorm() > radius * radius) continue;
+        ++count;
+        weight += other->spread.cells;
+        sum += other->spread.cells * offset;
+        products += other->spread.cells * offset * offset.transpose() + other->spread.scatter;
+      }
+    }
+  }
   if (count < kMinSurfels) return {0, 0};
   const Eigen::Matrix3d covariance = products / weight - sum * sum.transpose() / (weight * weight);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   if (!(solver.eigenvalues()[1] > kLineShare * solver.eigenvalues()[2])) return {0, 0};
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);
-  return EncodeNormal(normal.dot(surfel.towards_sensor.cast<double>()) < 0 ? Eigen::Vector3d(-normal) : normal);
+  return EncodeNormal(normal.dot(towards_sensor) < 0 ? Eigen::Vector3d(-normal) : normal);
 }
 
 }  // namespace
 
 std::vector<std::array<uint8_t, 2>> EstimateNormals(std::span<const Surfel> surfels, double radius_voxels) {
   std::vector<std::array<uint8_t, 2>> normals(surfels.size());
-  const Neighbours neighbours(surfels, std::clamp(radius_voxels, 0.0, 2.0));
-  tbb::parallel_for(size_t{0}, surfels.size(), [&](size_t i) { normals[i] = NormalOf(neighbours, surfels[i], i); });
+  const double radius = std::clamp(radius_voxels, 0.0, static_cast<double>(kMaxReach));
+  const std::vector<BlockRun> runs = BlockRunsOf(surfels);
+  tbb::parallel_for(size_t{0}, runs.size(), [&](size_t run) {
+    const Surroundings surroundings(surfels, runs, runs[run]);
+    for (size_t i = runs[run].begin; i < runs[run].end; ++i) {
+      constexpr int kMask = kBlockSize - 1;
+      const VoxelIndex voxel = VoxelIndexOf(surfels[i].key);
+      normals[i] = NormalAt({voxel.x & kMask, voxel.y & kMask, voxel.z & kMask}, surroundings, radius,
+                            surfels[i].towards_sensor.cast<double>());
+    }
+  });
   return normals;
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -12,7 +13,7 @@ constexpr double kRadian = std::numbers::pi / 180;
 const double kGroundCosine = std::cos(35 * kRadian);  // a patch is ground within this angle of up,
 const double kWallSine = std::sin(15 * kRadian);      // and a wall within this angle of upright
 constexpr size_t kMinGround = 100;                    // patches; below this nothing is concluded
-constexpr double kGroundWeight = 0.02;                // of a ground patch against a wall's: slopes tilt the ground
+constexpr double kGroundWeight = 0.005;               // of a ground patch against a wall's: slopes tilt the ground
 const double kRobustSine = std::sin(2 * kRadian);     // a patch that far off counts half
 constexpr int kIterations = 20;
 
@@ -43,7 +44,9 @@ Eigen::Vector3d GroundNormal(std::span<const SurfacePatch> patches, Eigen::Vecto
 Eigen::Vector3d RefinedByWalls(std::span<const SurfacePatch> patches, const Eigen::Vector3d& ground) {
   const auto ground_patches = static_cast<double>(GroundCount(patches, ground));
   Eigen::Vector3d up = ground;
-  for (int i = 0; i < kIterations; ++i) {
+  // Wide at first, so that walls count which the ground's tilt makes look slanted.
+  double width = kWallSine;
+  for (int i = 0; i < kIterations; ++i, width = std::max(0.8 * width, kRobustSine)) {
     const Eigen::Vector3d a = up.unitOrthogonal(), b = up.cross(a);
     const auto across = [&](const Eigen::Vector3d& v) { return Eigen::Vector2d(v.dot(a), v.dot(b)); };
     // The ground pulls back to its own normal; a wall pushes its normal into the horizontal.
@@ -52,7 +55,7 @@ Eigen::Vector3d RefinedByWalls(std::span<const SurfacePatch> patches, const Eige
     for (const SurfacePatch& patch : patches) {
       const double sine = patch.normal.dot(up);
       if (std::abs(sine) > kWallSine) continue;
-      const double weight = 1 / (1 + sine * sine / (kRobustSine * kRobustSine));
+      const double weight = 1 / (1 + sine * sine / (width * width));
       const Eigen::Vector2d normal = across(patch.normal);
       matrix += weight * normal * normal.transpose();
       right -= weight * sine * normal;

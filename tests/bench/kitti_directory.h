@@ -11,8 +11,8 @@
 
 namespace mapkeep {
 
-/// A KITTI-like session directory (velodyne/NNNNNN.bin, poses.txt) for benchmarks, with only the checks that keep a typing
-/// error from passing for a result. The product's reader is client/readers.
+/// A KITTI-like session directory (velodyne/NNNNNN.bin, poses.txt) for benchmarks, with only the checks that keep a
+/// typing error from passing for a result. The product's reader is client/readers.
 struct KittiDirectory {
   std::string path;
   std::vector<Pose> poses;

@@ -77,7 +77,8 @@ int Run(int count, char** arguments) {
   std::printf("session map: %zu voxels, %.2f s\n", map->voxels.size(), Seconds(start));
   const auto found_start = std::chrono::steady_clock::now();
   const auto found = FoundMapFrame(even_scans, even_poses, {});
-  std::printf("FoundMapFrame: %s, %.2f s\n", found->accepted ? "accepted" : found->reason.c_str(), Seconds(found_start));
+  std::printf("FoundMapFrame: %s, %.2f s\n", found->accepted ? "accepted" : found->reason.c_str(),
+              Seconds(found_start));
   const RegistrationTarget target = TargetOf(*map);
 
   std::mt19937 random(1);
@@ -100,7 +101,8 @@ int Run(int count, char** arguments) {
     const auto alignment = AlignSession(odd_scans, poses, target, {});
     const double seconds = Seconds(begin);
     if (!alignment.ok() || !alignment->accepted) {
-      std::printf("case %d: %s\n", n, alignment.ok() ? alignment->reason.c_str() : alignment.status().ToString().c_str());
+      std::printf("case %d: %s\n", n,
+                  alignment.ok() ? alignment->reason.c_str() : alignment.status().ToString().c_str());
       continue;
     }
     std::vector<double> errors, angles;
@@ -110,9 +112,10 @@ int Run(int count, char** arguments) {
     }
     std::ranges::sort(errors);
     std::ranges::sort(angles);
-    std::printf("case %d: moved up to %.2f m; error median %.3f m %.3f deg, worst %.3f m %.3f deg; %.1f ms a scan; windows",
-                n, worst_prior, errors[errors.size() / 2], angles[angles.size() / 2], errors.back(), angles.back(),
-                1000 * seconds / static_cast<double>(poses.size()));
+    std::printf(
+        "case %d: moved up to %.2f m; error median %.3f m %.3f deg, worst %.3f m %.3f deg; %.1f ms a scan; windows", n,
+        worst_prior, errors[errors.size() / 2], angles[angles.size() / 2], errors.back(), angles.back(),
+        1000 * seconds / static_cast<double>(poses.size()));
     for (const WindowResult& window : alignment->windows) {
       std::printf(" %u-%u:%s%.3f/%.3f", window.first_scan, window.last_scan, window.trusted ? "" : "!", window.fitness,
                   window.observability);
