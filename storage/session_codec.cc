@@ -15,6 +15,8 @@ void CopyTo(const SessionReport& from, storage::SessionReport& to) {
     added.set_fitness(window.fitness);
     added.set_inliers(window.inliers);
     added.set_correction(window.correction);
+    added.set_rotation(window.rotation);
+    added.set_observability(window.observability);
     added.set_trusted(window.trusted);
   }
   for (const StageTime& stage : from.stages) {
@@ -37,7 +39,7 @@ SessionReport ReportOf(const storage::SessionReport& from) {
   SessionReport report;
   for (const storage::Window& window : from.windows()) {
     report.windows.push_back({window.first_scan(), window.last_scan(), window.fitness(), window.inliers(),
-                              window.correction(), window.trusted()});
+                              window.correction(), window.rotation(), window.observability(), window.trusted()});
   }
   for (const storage::StageTime& stage : from.stages()) report.stages.push_back({stage.stage(), stage.seconds()});
   report.points = from.points();
