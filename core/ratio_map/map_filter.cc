@@ -16,9 +16,12 @@ namespace {
 constexpr int kMargin = 8;
 constexpr int kCentre = 13;
 
+double StabilityOf(const Voxel& voxel, const MapFilterParameters& parameters) {
+  return Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta);
+}
+
 bool IsCandidate(const Voxel& voxel, const MapFilterParameters& parameters) {
-  return !voxel.ground &&
-         Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta) < parameters.stability_threshold;
+  return !voxel.ground && StabilityOf(voxel, parameters) < parameters.candidate_threshold;
 }
 
 // Calls visit(voxel, coordinates from the centre block's corner) for every voxel of the neighbourhood that lies at most
@@ -53,16 +56,17 @@ class Occupancy {
   }
 
  private:
-  static constexpr int kEdge = kBlockSize + 2;
+  static constexpr size_t kEdge = kBlockSize + 2;
   static size_t CellOf(const VoxelIndex& at) {
-    return static_cast<size_t>(at.x + 1 + kEdge * (at.y + 1 + kEdge * (at.z + 1)));
+    const auto shifted = [](int32_t c) { return static_cast<size_t>(c + 1); };
+    return shifted(at.x) + kEdge * (shifted(at.y) + kEdge * shifted(at.z));
   }
 
   std::unique_ptr<std::bitset<kEdge * kEdge * kEdge>> cells_;
 };
 
-// Eq. 5 over the candidates near the block: for each candidate of the centre block, in its order, whether its cluster
-// is dynamic. Noise belongs to no cluster and is not.
+// Eq. 5 over the candidates near the block: for each candidate of the centre block, in its order, whether it goes. One
+// that belongs to no cluster is judged by its own R.
 std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
   std::vector<Eigen::Vector3d> points;
   std::vector<double> stabilities;
@@ -72,7 +76,7 @@ std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapF
     if (centre) of_centre.push_back(static_cast<uint32_t>(points.size()));
     const Eigen::Vector3d inside(voxel.mean[0] + 0.5, voxel.mean[1] + 0.5, voxel.mean[2] + 0.5);
     points.push_back((Eigen::Vector3d(at.x, at.y, at.z) + inside / 256) * parameters.voxel_size);
-    stabilities.push_back(Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta));
+    stabilities.push_back(StabilityOf(voxel, parameters));
   });
   const Clusters clusters = ClusterPoints(points, parameters.cluster_radius, parameters.cluster_min_neighbours);
   std::vector<double> sums(clusters.count);
@@ -86,7 +90,8 @@ std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapF
   dynamic.reserve(of_centre.size());
   for (const uint32_t i : of_centre) {
     const int32_t id = clusters.ids[i];
-    dynamic.push_back(id != kNoise && sums[id] / counts[id] < parameters.cluster_threshold);
+    dynamic.push_back(id == kNoise ? stabilities[i] < parameters.stability_threshold
+                                   : sums[id] / counts[id] < parameters.cluster_threshold);
   }
   return dynamic;
 }

@@ -29,7 +29,7 @@ Spread SpreadOf(uint64_t mask) {
   Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
   for (uint64_t rest = mask; rest != 0; rest &= rest - 1) {
     const int bit = std::countr_zero(rest);
-    const Eigen::Vector3d cell(bit % 4 / 4.0, bit / 4 % 4 / 4.0, bit / 16 / 4.0);
+    const Eigen::Vector3d cell = Eigen::Vector3d(bit % 4, (bit >> 2) % 4, bit >> 4) / 4;
     sum += cell;
     products += cell * cell.transpose();
   }
@@ -80,11 +80,12 @@ class Surroundings {
   }
 
  private:
-  static constexpr int kEdge = kBlockSize + 2 * kMaxReach;
+  static constexpr size_t kEdge = kBlockSize + 2 * kMaxReach;
   static constexpr int32_t kNone = -1;
 
   static size_t CellOf(const VoxelIndex& at) {
-    return static_cast<size_t>(at.x + kMaxReach + kEdge * (at.y + kMaxReach + kEdge * (at.z + kMaxReach)));
+    const auto shifted = [](int32_t c) { return static_cast<size_t>(c + kMaxReach); };
+    return shifted(at.x) + kEdge * (shifted(at.y) + kEdge * shifted(at.z));
   }
 
   void Add(const Surfel& surfel, const VoxelIndex& block) {

@@ -113,7 +113,7 @@ absl::StatusOr<std::vector<Sums>> SumScans(const ScanSource& scans, std::span<co
       status = absl::CancelledError("stopped while building the session map");
     if (!status.ok()) stop = true;
   };
-  const auto in_flight = static_cast<size_t>(2 * tbb::this_task_arena::max_concurrency());
+  const auto in_flight = 2 * static_cast<size_t>(tbb::this_task_arena::max_concurrency());
   tbb::parallel_pipeline(in_flight, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order, read) &
                                         tbb::make_filter<size_t, Contribution>(tbb::filter_mode::parallel, digest) &
                                         tbb::make_filter<Contribution, void>(tbb::filter_mode::serial_in_order, add));

@@ -151,14 +151,25 @@ TEST(MapFilter, GroundIsProtectedWhateverItsStability) {
   EXPECT_EQ(StaticCount(map, road), 400);
 }
 
-TEST(MapFilter, TheThresholdIsOnTheStabilityOfEquation4) {
-  const auto below = Box({2, 2, 2}, {3, 3, 3}), above = Box({20, 2, 2}, {3, 3, 3});
+TEST(MapFilter, ObjectsAreJudgedByTheirMeanStability) {
+  const auto gone = Box({2, 2, 2}, {4, 4, 4}), stays = Box({20, 2, 2}, {4, 4, 4});
   Map map;
-  for (const VoxelIndex& at : below) map.Put(at, Counts(34, 66));
-  for (const VoxelIndex& at : above) map.Put(at, Counts(36, 64));
+  for (const VoxelIndex& at : gone) map.Put(at, at.x % 2 == 0 ? Counts(30, 70) : Counts(46, 54));   // mean 0.38
+  for (const VoxelIndex& at : stays) map.Put(at, at.x % 2 == 0 ? Counts(34, 66) : Counts(49, 51));  // mean 0.415
   map.FilterAll();
-  EXPECT_EQ(StaticCount(map, below), 0);
-  EXPECT_EQ(StaticCount(map, above), 27);
+  EXPECT_EQ(StaticCount(map, gone), 0);
+  EXPECT_EQ(StaticCount(map, stays), 64);
+}
+
+TEST(MapFilter, AVoxelThatBelongsToNoObjectIsJudgedByItsOwnStability) {
+  const auto wall = Box({0, 5, 0}, {30, 1, 10});
+  Map map;
+  for (const VoxelIndex& at : wall) map.Put(at, Counts(20, 0));
+  map.Put({5, 5, 5}, Counts(34, 66));
+  map.Put({25, 5, 5}, Counts(36, 64));
+  map.FilterAll();
+  EXPECT_FALSE(map.IsStatic({5, 5, 5}));
+  EXPECT_TRUE(map.IsStatic({25, 5, 5}));
 }
 
 TEST(MapFilter, AStrayVoxelIsNoiseButAPoleIsNot) {
