@@ -34,6 +34,7 @@ int Run(int argc, char** argv) {
   AddExportCommand(line);
   AddQueryCommand(line);
   AddCleanCommand(line);
+  AddPictureCommand(line);
   app.footer(kExamples);  // last, for commands inherit what is set when they are added
   try {
     app.parse(argc, argv);
