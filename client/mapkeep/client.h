@@ -1,0 +1,91 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/mapkeep/map_info.h"
+#include "client/mapkeep/session_info.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/progress.h"
+#include "core/geometry/scan.h"
+#include "core/voxels/block.h"
+
+namespace mapkeep {
+
+struct ClientOptions {
+  std::string server = "127.0.0.1:7443";  ///< HOST:PORT
+  double connect_seconds = 3;             ///< how long a call waits for a server that does not answer
+  double patience_seconds = 60;  ///< how long an upload or a watch, once begun, outlasts a break without progress
+};
+
+/// A session to upload. `scans` and the spans outlive the call.
+struct SessionUpload {
+  std::string map, id;
+  std::string robot;        ///< who drove; may be empty
+  bool keep_scans = false;  ///< on the server, after the commit
+  ScanSource scans;
+  std::span<const Pose> poses;          ///< T_odometry_sensor of each scan
+  std::span<const uint32_t> checksums;  ///< of each scan, by ScanChecksums
+};
+
+/// Which blocks to stream.
+struct BlockQuery {
+  std::string map;
+  std::optional<uint64_t> epoch;           ///< nothing: the newest
+  std::optional<Eigen::AlignedBox3d> box;  ///< metres relative to the origin; nothing: everything
+  bool include_all = false;                ///< also what the map filter does not hold to be static
+};
+
+class Connection;
+
+/// A connection to a mapkeepd. Calls block; several threads may share one client. Errors carry the server's code and
+/// message; UNAVAILABLE: it cannot be reached. gRPC stays out of this header.
+class Client {
+ public:
+  explicit Client(const ClientOptions& options = {});
+  ~Client();
+  Client(Client&&) noexcept;
+  Client& operator=(Client&&) noexcept;
+
+  absl::StatusOr<MapInfo> CreateMap(const NewMap& map) const;
+  absl::StatusOr<MapInfo> GetMap(std::string_view name) const;
+  absl::StatusOr<std::vector<MapInfo>> ListMaps() const;
+  absl::Status DeleteMap(std::string_view name) const;
+  /// The voxel that holds `point`, metres relative to the origin. NOT_FOUND if it was never hit.
+  absl::StatusOr<VoxelInfo> QueryVoxel(std::string_view map, const Eigen::Vector3d& point) const;
+
+  /// Uploads what the server does not have yet and queues the session; gives the session as it is then, which may
+  /// already have ended if the same content came before. After a break it asks what is durable and goes on.
+  /// `progress` counts durable scans.
+  absl::StatusOr<SessionInfo> UploadSession(const SessionUpload& upload, const Progress& progress = {}) const;
+  absl::StatusOr<SessionInfo> GetSession(std::string_view map, std::string_view id) const;
+  /// Ordered by time of creation.
+  absl::StatusOr<std::vector<SessionInfo>> ListSessions(std::string_view map) const;
+  /// Calls `changed` with the session now and after each change until it has ended, or `changed` returns false; gives
+  /// the session as it was last.
+  absl::StatusOr<SessionInfo> WatchSession(std::string_view map, std::string_view id,
+                                           const std::function<bool(const SessionInfo&)>& changed) const;
+  absl::Status DeleteSession(std::string_view map, std::string_view id) const;
+  /// Aligned poses of a committed session, T_map_sensor, one a scan.
+  absl::StatusOr<std::vector<Pose>> ListScanPoses(std::string_view map, std::string_view id) const;
+
+  /// Streams voxel blocks, all of one epoch, in order of tile: `begin` once, then `block` for each. Stops with the
+  /// error that a callback returns.
+  absl::Status StreamBlocks(const BlockQuery& query, const std::function<absl::Status(const MapSnapshot&)>& begin,
+                            const std::function<absl::Status(const Block&)>& block) const;
+
+ private:
+  std::unique_ptr<Connection> connection_;
+};
+
+}  // namespace mapkeep

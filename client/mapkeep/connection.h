@@ -1,0 +1,75 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/time/time.h>
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "client/mapkeep/client.h"
+#include "mapkeep/v1/map_service.grpc.pb.h"
+#include "mapkeep/v1/session_service.grpc.pb.h"
+#include "mapkeep/v1/tile_service.grpc.pb.h"
+
+namespace mapkeep {
+
+/// Channel and stubs of one client.
+class Connection {
+ public:
+  explicit Connection(const ClientOptions& options);
+
+  const ClientOptions& options() const { return options_; }
+  v1::MapService::Stub& maps() const { return *maps_; }
+  v1::SessionService::Stub& sessions() const { return *sessions_; }
+  v1::TileService::Stub& tiles() const { return *tiles_; }
+
+  /// Waits up to connect_seconds for the server. UNAVAILABLE naming its address.
+  absl::Status WaitForServer() const;
+
+  /// The server's code and message.
+  absl::Status StatusOf(const grpc::Status& status) const;
+
+  /// One unary call with a deadline, once the server is there.
+  template <typename Stub, typename Request, typename Response>
+  absl::Status Call(Stub& stub, grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                    const Request& request, Response* response) const {
+    absl::Status reached = WaitForServer();
+    if (!reached.ok()) return reached;
+    grpc::ClientContext context;
+    context.set_deadline(absl::ToChronoTime(absl::Now() + kCallTimeout));
+    return StatusOf((stub.*method)(&context, request, response));
+  }
+
+ private:
+  static constexpr absl::Duration kCallTimeout = absl::Minutes(2);
+
+  ClientOptions options_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::MapService::Stub> maps_;
+  std::unique_ptr<v1::SessionService::Stub> sessions_;
+  std::unique_ptr<v1::TileService::Stub> tiles_;
+};
+
+/// How long to go on trying: waits between attempts, longer each time, until `seconds` have passed without progress.
+class Patience {
+ public:
+  explicit Patience(double seconds) : limit_(absl::Seconds(seconds)), last_progress_(absl::Now()) {}
+
+  /// Something was achieved: the time begins anew.
+  void Renew();
+
+  /// Waits for the next attempt; false if the time is up.
+  bool Wait();
+
+ private:
+  static constexpr absl::Duration kShortest = absl::Milliseconds(100);
+  static constexpr absl::Duration kLongest = absl::Seconds(2);
+
+  absl::Duration limit_;
+  absl::Time last_progress_;
+  absl::Duration pause_ = kShortest;
+};
+
+}  // namespace mapkeep

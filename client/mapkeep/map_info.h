@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace mapkeep {
+
+/// What a map is to be; see CreateMapRequest.
+struct NewMap {
+  std::string name;
+  double voxel_size = 0.2;                ///< metres
+  std::optional<Eigen::Vector3d> origin;  ///< metres; without it a first session far from zero chooses one
+  std::string crs;                        ///< "EPSG:N" or empty
+};
+
+/// A map as of one epoch. Coordinates are metres relative to the origin.
+struct MapInfo {
+  std::string name;
+  double voxel_size = 0;                  ///< metres
+  std::optional<Eigen::Vector3d> origin;  ///< in the frame of the robots or of the CRS, metres
+  std::string crs;                        ///< "EPSG:N", or empty: a frame of the site's own
+  uint64_t epoch = 0;                     ///< 0 is empty; each commit adds one
+  double created = 0;                     ///< seconds since 1970 (UTC)
+  uint64_t voxels = 0, static_voxels = 0;
+  uint64_t blocks = 0, tiles = 0;
+  std::optional<Eigen::AlignedBox3d> bounds;  ///< of the stored blocks; nothing while the map is empty
+  uint64_t sessions = 0;                      ///< merged up to this epoch
+};
+
+/// What a map holds at one point.
+struct VoxelInfo {
+  uint64_t epoch = 0;
+  double hits = 0, exposures = 0;  ///< H and E, scans, after decay
+  double stability = 0;            ///< R of eq. 4
+  bool ground = false;
+  bool is_static = false;
+  double first_seen = 0, last_seen = 0;            ///< starts of sessions, seconds since 1970 (UTC)
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();  ///< metres relative to the origin
+  double intensity = 0;                            ///< [0, 1]
+};
+
+/// The state of a map that a stream of blocks shows.
+struct MapSnapshot {
+  uint64_t epoch = 0;
+  double voxel_size = 0;  ///< metres
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  std::string crs;
+};
+
+}  // namespace mapkeep

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/progress.h"
+#include "core/geometry/scan.h"
+
+namespace mapkeep {
+
+/// The points as they travel: little-endian float32 x y z intensity a point; unknown intensities are 0.
+std::string PointBytesOf(const Scan& scan);
+
+/// CRC-32C over the point bytes, the 12 pose values and the time (proto: ScanHeader.crc32c).
+uint32_t ScanChecksum(std::string_view point_bytes, const Pose& pose, double time);
+
+/// The checksum of every scan: the content of a session. Reads all scans, several at a time (oneTBB), so that a bad one
+/// is found before anything is sent: the error is that of the first scan that has one. CANCELLED when `progress` says
+/// stop.
+absl::StatusOr<std::vector<uint32_t>> ScanChecksums(const ScanSource& scans, std::span<const Pose> poses,
+                                                    const Progress& progress = {});
+
+}  // namespace mapkeep
