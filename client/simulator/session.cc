@@ -119,11 +119,20 @@ absl::Status CheckScene(const RayCaster& caster, std::span<const SceneObject> ob
 absl::StatusOr<SimulatedSession> Simulate(const RayCaster& caster, std::vector<SceneObject> objects, const Ride& ride) {
   if (absl::Status checked = CheckScene(caster, objects, ride); !checked.ok()) return checked;
   auto stage = std::make_shared<Stage>(Stage{caster, std::move(objects), {}, {}, ride});
-  for (const SceneObject& object : stage->objects) stage->moving.push_back(MovesSometime(object, ride));
+  for (SceneObject& object : stage->objects) {
+    stage->moving.push_back(MovesSometime(object, ride));
+    // What waits until after the end has not moved, and what is there for a moment only may not have either.
+    if (stage->moving.back()) {
+      object.state = ObjectState::kMoving;
+    } else if (object.state == ObjectState::kMoving) {
+      object.state = ObjectState::kParked;
+    }
+  }
   for (const TriangleMesh& mesh : caster.meshes()) stage->bounds.push_back(BoundsOf(mesh));
 
   SimulatedSession session;
   session.objects = stage->objects;
+  session.mesh_bounds = stage->bounds;
   for (size_t i = 0; i < ride.scans; ++i) {
     const double time = static_cast<double>(i) * ride.sensor.period;
     session.truth.push_back(ride.sensor_pose(time));

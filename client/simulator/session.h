@@ -2,6 +2,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -35,7 +36,8 @@ struct SimulatedSession {
   std::vector<Pose> truth;           ///< one a scan, at its start: the scene's frame from the sensor's
   std::vector<Pose> odometry;        ///< one a scan, in the session's own frame
   std::vector<double> times;         ///< one a scan, seconds since 1970
-  std::vector<SceneObject> objects;  ///< what stands, stood or moves where
+  std::vector<SceneObject> objects;  ///< what stands, stood or moves where; its state is kMoving just if it does
+  std::vector<std::array<Eigen::Vector3f, 2>> mesh_bounds;  ///< lowest and highest corner of each mesh
 };
 
 /// Sends a sensor through a scene of meshes and objects. An object that moves at any time of the session is labelled
