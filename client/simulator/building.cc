@@ -44,7 +44,8 @@ void AddBalcony(TriangleMesh& mesh, float x0, float x1, float z) {
   constexpr float kReach = 1.1F, kRail = 1.0F;
   AddBox(mesh, {x0, -kReach, z - 0.18F}, {x1, 0, z}, Material::kConcrete);
   AddBox(mesh, {x0, -kReach, z + kRail - 0.05F}, {x1, -kReach + 0.05F, z + kRail}, Material::kMetal);
-  for (const float x : {x0, x1 - 0.05F}) AddBox(mesh, {x, -kReach, z + kRail - 0.05F}, {x + 0.05F, 0, z + kRail}, Material::kMetal);
+  for (const float x : {x0, x1 - 0.05F})
+    AddBox(mesh, {x, -kReach, z + kRail - 0.05F}, {x + 0.05F, 0, z + kRail}, Material::kMetal);
   for (float x = x0; x < x1; x += 0.15F) {
     AddQuad(mesh, {x, -kReach, z}, {x + 0.03F, -kReach, z}, {x + 0.03F, -kReach, z + kRail}, {x, -kReach, z + kRail},
             Material::kMetal);
@@ -54,7 +55,8 @@ void AddBalcony(TriangleMesh& mesh, float x0, float x1, float z) {
 void AddRoof(TriangleMesh& mesh, float half, float depth, float height, bool gable) {
   if (!gable) {
     AddBox(mesh, {-half, -0.1F, height}, {half, 0.2F, height + 0.6F}, Material::kConcrete);
-    AddQuad(mesh, {-half, 0, height}, {half, 0, height}, {half, depth, height}, {-half, depth, height}, Material::kConcrete);
+    AddQuad(mesh, {-half, 0, height}, {half, 0, height}, {half, depth, height}, {-half, depth, height},
+            Material::kConcrete);
     return;
   }
   const float ridge = height + 0.35F * depth;
@@ -69,7 +71,8 @@ void AddBody(TriangleMesh& mesh, float half, float depth, float height, Material
   for (const float x : {-half, half}) {
     AddQuad(mesh, {x, 0, kFootings}, {x, depth, kFootings}, {x, depth, height}, {x, 0, height}, wall);
   }
-  AddQuad(mesh, {-half, depth, kFootings}, {half, depth, kFootings}, {half, depth, height}, {-half, depth, height}, wall);
+  AddQuad(mesh, {-half, depth, kFootings}, {half, depth, kFootings}, {half, depth, height}, {-half, depth, height},
+          wall);
   AddQuad(mesh, {-half, 0, kFootings}, {half, 0, kFootings}, {half, 0, 0}, {-half, 0, 0}, wall);
 }
 
@@ -131,7 +134,8 @@ TriangleMesh MakeCarDecks(float width, float depth, float storey, int decks) {
     const float z = storey * static_cast<float>(deck);
     AddBox(mesh, {-half, 0, z - 0.28F}, {half, depth, z}, Material::kConcrete);
     AddBox(mesh, {-half, 0, z}, {half, 0.15F, z + 0.95F}, Material::kConcrete);
-    for (const float x : {-half, half - 0.15F}) AddBox(mesh, {x, 0, z}, {x + 0.15F, depth, z + 0.95F}, Material::kConcrete);
+    for (const float x : {-half, half - 0.15F})
+      AddBox(mesh, {x, 0, z}, {x + 0.15F, depth, z + 0.95F}, Material::kConcrete);
   }
   const float top = storey * static_cast<float>(decks);
   for (float x = -half + 0.3F; x < half; x += (width - 0.6F) / 4) {

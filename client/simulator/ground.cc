@@ -60,8 +60,8 @@ struct Line {
 
 std::vector<Line> LinesAcross() {
   constexpr std::array<double, 8> kRoad = {0, 0.8, 1.65, 2.5, 3.3, 4.1, 4.8, kKerb};
-  constexpr std::array<double, 19> kBeyond = {kKerb, 5.9, 6.5, 7.2, 7.9, kBuildingLine, kRampBegin, 10, 12, 14,
-                                              16,    17.5, kRampEnd, 21, 24, 28, 34, 45, 60};
+  constexpr std::array<double, 19> kBeyond = {
+      kKerb, 5.9, 6.5, 7.2, 7.9, kBuildingLine, kRampBegin, 10, 12, 14, 16, 17.5, kRampEnd, 21, 24, 28, 34, 45, 60};
   std::vector<Line> lines;
   for (const double d : kRoad) lines.push_back({d, false});
   for (const double d : kBeyond) lines.push_back({d, true});
@@ -144,8 +144,7 @@ Eigen::Vector3d Ground::PointAt(double s, double d, double above) const {
 }
 
 Pose Ground::UprightAt(double s, double d, double yaw, double above) const {
-  return Eigen::Translation3d(PointAt(s, d, above)) *
-         Eigen::AngleAxisd(HeadingAt(s) + yaw, Eigen::Vector3d::UnitZ());
+  return Eigen::Translation3d(PointAt(s, d, above)) * Eigen::AngleAxisd(HeadingAt(s) + yaw, Eigen::Vector3d::UnitZ());
 }
 
 Pose Ground::OnWheelsAt(double s, double d, double yaw, double above) const {

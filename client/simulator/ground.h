@@ -9,9 +9,9 @@
 
 namespace mapkeep {
 
-/// The ground of a row of streets: a centre line that bends and climbs, a cambered road between kerbs that are lowered at drives,
-/// pavements, ramps and lawns. The row has one street more at either end, into which no robot drives, so that traffic comes
-/// and goes out of sight.
+/// The ground of a row of streets: a centre line that bends and climbs, a cambered road between kerbs that are lowered
+/// at drives, pavements, ramps and lawns. The row has one street more at either end, into which no robot drives, so
+/// that traffic comes and goes out of sight.
 class Ground {
  public:
   /// `repeated`: every street is the first one's copy.

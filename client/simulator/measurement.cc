@@ -11,11 +11,11 @@
 namespace mapkeep {
 namespace {
 
-constexpr float kMixedGap = 2.5F;        // metres: a pulse is about this long, farther echoes stay apart
-constexpr float kMixedLeast = 0.3F;      // metres: closer than this is a slope, not an edge
-constexpr float kGlassReturn = 0.2F;     // share of pulses that glass sends back
+constexpr float kMixedGap = 2.5F;     // metres: a pulse is about this long, farther echoes stay apart
+constexpr float kMixedLeast = 0.3F;   // metres: closer than this is a slope, not an edge
+constexpr float kGlassReturn = 0.2F;  // share of pulses that glass sends back
 constexpr float kIntensityNoise = 0.02F;
-constexpr float kMaxStretch = 0.10F;     // metres: most noise that a slanted surface adds
+constexpr float kMaxStretch = 0.10F;  // metres: most noise that a slanted surface adds
 constexpr size_t kChunk = 4096;
 
 /// 16 random bits as a number in [0, 1).
@@ -49,7 +49,8 @@ class Receiver {
     const float slant = std::sqrt(std::max(0.0F, 1 - hit.incidence * hit.incidence)) / std::max(hit.incidence, 0.02F);
     const float stretch = std::min(kMaxStretch, 0.25F * spot * slant);
     const auto base = static_cast<float>(sensor_.range_noise);
-    const float range = MixedRange(ray, chance >> 32) + std::sqrt(base * base + stretch * stretch) * NormalFromBits(noise);
+    const float range =
+        MixedRange(ray, chance >> 32) + std::sqrt(base * base + stretch * stretch) * NormalFromBits(noise);
     if (range < sensor_.min_range || range > sensor_.max_range) return {};
     const float intensity = brightness + kIntensityNoise * NormalFromBits(HashBits(noise));
     return {range, std::round(std::clamp(intensity, 0.0F, 1.0F) * 255) / 255};
@@ -81,8 +82,8 @@ class Receiver {
 
 }  // namespace
 
-LabelledScan Measure(const SensorModel& sensor, std::span<const Eigen::Vector3f> directions, std::span<const RayHit> hits,
-                     std::span<const uint32_t> labels, uint64_t seed) {
+LabelledScan Measure(const SensorModel& sensor, std::span<const Eigen::Vector3f> directions,
+                     std::span<const RayHit> hits, std::span<const uint32_t> labels, uint64_t seed) {
   const Receiver receiver(sensor, hits, seed);
   std::vector<Return> returns(hits.size());
   tbb::parallel_for(tbb::blocked_range<size_t>(0, hits.size(), kChunk), [&](const tbb::blocked_range<size_t>& range) {

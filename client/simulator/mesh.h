@@ -56,8 +56,8 @@ void AddBox(TriangleMesh& mesh, const Eigen::Vector3f& low, const Eigen::Vector3
 void AddCone(TriangleMesh& mesh, const Eigen::Vector3f& foot, const Eigen::Vector3f& top, float foot_radius,
              float top_radius, int sides, Material material);
 
-/// A side view in (x, z), star-shaped around its mean, drawn out to y = -half_width .. half_width; the points in the upper half of
-/// the profile are drawn in by `taper` metres a side.
+/// A side view in (x, z), star-shaped around its mean, drawn out to y = -half_width .. half_width; the points in the
+/// upper half of the profile are drawn in by `taper` metres a side.
 void AddProfile(TriangleMesh& mesh, std::span<const Eigen::Vector2f> profile, float half_width, float taper,
                 Material skin, Material sides);
 

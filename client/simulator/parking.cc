@@ -11,7 +11,7 @@ namespace mapkeep {
 namespace {
 
 constexpr uint64_t kParkingPart = 11, kSitePart = 12;
-constexpr double kSiteTaken = 0.4;    // share of the sites that are built on at first
+constexpr double kSiteTaken = 0.4;      // share of the sites that are built on at first
 constexpr double kStaysInStreet = 0.5;  // share of the vehicles that leave their slot for another one
 
 struct Vehicle {
@@ -22,10 +22,10 @@ struct Vehicle {
 };
 
 /// One street's slots through the sessions.
-class CarPark {
+class StreetSlots {
  public:
   /// `index` tells copies of a street apart: their cars differ.
-  CarPark(const Street& street, const StreetPlan& plan, uint64_t index)
+  StreetSlots(const Street& street, const StreetPlan& plan, uint64_t index)
       : street_(street),
         plan_(plan),
         random_(SeedOf(SeedOf(plan.seed, kParkingPart), index)),
@@ -168,15 +168,15 @@ Occupancy OccupancyOf(const Street& street, int session) {
                                          .track = {{0, street.ground.UprightAt(site.s, site.d, site.yaw)}}});
     }
   }
-  std::vector<CarPark> car_parks;
+  std::vector<StreetSlots> streets;
   for (const StreetPlan& plan : street.ground.plans()) {
-    car_parks.emplace_back(street, plan, car_parks.size()).Open(next_id);
+    streets.emplace_back(street, plan, streets.size()).Open(next_id);
   }
   for (int i = 0; i < session; ++i) {
-    for (CarPark& car_park : car_parks) car_park.NextDay(next_id);
+    for (StreetSlots& slots : streets) slots.NextDay(next_id);
   }
-  for (const CarPark& car_park : car_parks) {
-    const auto& report = car_park.report();
+  for (const StreetSlots& slots : streets) {
+    const auto& report = slots.report();
     occupancy.vehicles.insert(occupancy.vehicles.end(), report.begin(), report.end());
   }
   occupancy.next_id = next_id;

@@ -21,8 +21,8 @@ struct Occupancy {
   uint32_t next_id = 1;                    ///< free for what only passes
 };
 
-/// The state of a street in session `session`, from 0. A vehicle that leaves frees its slot; whoever comes takes one that was
-/// free in the session before, so that no vehicle stands just where another has left. Ids go with the vehicle.
+/// The state of a street in session `session`, from 0. A vehicle that leaves frees its slot; whoever comes takes one
+/// that was free in the session before, so that no vehicle stands just where another has left. Ids go with the vehicle.
 Occupancy OccupancyOf(const Street& street, int session);
 
 }  // namespace mapkeep

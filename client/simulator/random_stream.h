@@ -6,7 +6,8 @@
 
 namespace mapkeep {
 
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014): a 64-bit hash in which every input bit reaches every output bit.
+/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014): a 64-bit hash in which every input bit reaches every output
+/// bit.
 constexpr uint64_t HashBits(uint64_t x) {
   x += 0x9e3779b97f4a7c15U;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;

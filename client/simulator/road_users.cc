@@ -40,35 +40,26 @@ TriangleMesh MakeCar(uint64_t seed) {
   const float front = length / 2, rear = -length / 2;
   const float waist = van ? 1.05F : 0.92F;
   const Material paint = Paint(random);
-  const std::array<Vector2f, 9> body = {Vector2f{rear, 0.32F},
-                                        {rear + 0.02F, 0.75F},
-                                        {rear + 0.12F, waist},
-                                        {front - 1.15F, waist},
-                                        {front - 0.25F, waist - 0.15F},
-                                        {front - 0.04F, 0.62F},
-                                        {front, 0.34F},
-                                        {front - 0.3F, 0.2F},
-                                        {rear + 0.3F, 0.2F}};
+  const std::array<Vector2f, 9> body = {Vector2f{rear, 0.32F},  {rear + 0.02F, 0.75F},          {rear + 0.12F, waist},
+                                        {front - 1.15F, waist}, {front - 0.25F, waist - 0.15F}, {front - 0.04F, 0.62F},
+                                        {front, 0.34F},         {front - 0.3F, 0.2F},           {rear + 0.3F, 0.2F}};
   AddProfile(mesh, body, half, 0.04F, paint, paint);
   const float back = van || random.Chance(0.6) ? rear + 0.15F : rear + 0.75F;  // hatchback or saloon
-  const std::array<Vector2f, 6> cabin = {Vector2f{back, waist},
-                                         {back + 0.25F, height - 0.08F},
-                                         {back + 0.5F, height},
-                                         {front - 2.1F, height},
-                                         {front - 1.75F, height - 0.08F},
-                                         {front - 1.05F, waist}};
+  const std::array<Vector2f, 6> cabin = {Vector2f{back, waist},           {back + 0.25F, height - 0.08F},
+                                         {back + 0.5F, height},           {front - 2.1F, height},
+                                         {front - 1.75F, height - 0.08F}, {front - 1.05F, waist}};
   AddProfile(mesh, cabin, half - 0.05F, 0.12F, Material::kGlass, Material::kGlass);
   // The roof and its pillars are steel.
   AddBox(mesh, {back + 0.4F, -half + 0.17F, height}, {front - 2.0F, half - 0.17F, height + 0.02F}, paint);
   for (const float side : {-1.0F, 1.0F}) {
     for (const float x : {back + 0.1F, (back + front - 1.4F) / 2, front - 1.15F}) {
       const float lean = x < 0 ? 0.1F : -0.5F;
-      AddCone(mesh, {x, side * (half - 0.05F), waist}, {x + (x > 0.2F ? lean : 0.05F), side * (half - 0.15F), height}, 0.05F,
-              0.05F, 4, paint);
+      AddCone(mesh, {x, side * (half - 0.05F), waist}, {x + (x > 0.2F ? lean : 0.05F), side * (half - 0.15F), height},
+              0.05F, 0.05F, 4, paint);
     }
     const float mirror = side * (half + 0.08F);
-    AddBox(mesh, {front - 1.5F, std::min(mirror, side * half), waist}, {front - 1.35F, std::max(mirror, side * half), waist + 0.14F},
-           paint);
+    AddBox(mesh, {front - 1.5F, std::min(mirror, side * half), waist},
+           {front - 1.35F, std::max(mirror, side * half), waist + 0.14F}, paint);
   }
   AddBox(mesh, {front - 0.01F, -0.26F, 0.42F}, {front + 0.01F, 0.26F, 0.53F}, Material::kReflector);
   AddBox(mesh, {rear - 0.01F, -0.26F, 0.6F}, {rear + 0.01F, 0.26F, 0.71F}, Material::kReflector);
@@ -85,11 +76,8 @@ TriangleMesh MakeLorry(uint64_t seed) {
   const Material paint = Paint(random);
   AddBox(mesh, {rear, -1.25F, 1.0F}, {front - 2.2F, 1.25F, height}, Material::kBrightPaint);
   AddBox(mesh, {rear + 0.3F, -0.5F, 0.65F}, {front - 0.4F, 0.5F, 1.0F}, Material::kMetal);
-  const std::array<Vector2f, 5> cab = {Vector2f{front - 2.0F, 0.5F},
-                                       {front - 2.0F, 2.7F},
-                                       {front - 0.3F, 2.7F},
-                                       {front, 1.6F},
-                                       {front, 0.45F}};
+  const std::array<Vector2f, 5> cab = {
+      Vector2f{front - 2.0F, 0.5F}, {front - 2.0F, 2.7F}, {front - 0.3F, 2.7F}, {front, 1.6F}, {front, 0.45F}};
   AddProfile(mesh, cab, 1.2F, 0.05F, paint, paint);
   AddBox(mesh, {front - 0.2F, -1.0F, 1.75F}, {front - 0.1F, 1.0F, 2.5F}, Material::kGlass);
   for (const float x : {front - 1.2F, rear + 1.1F, rear + 2.3F}) {

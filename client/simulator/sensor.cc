@@ -96,8 +96,8 @@ absl::StatusOr<SensorModel> SensorNamed(std::string_view name) {
   for (SensorModel& sensor : Sensors()) {
     if (sensor.name == name) return sensor;
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("no sensor is called '", std::string(name), "': expected one of ", absl::StrJoin(SensorNames(), ", ")));
+  return absl::InvalidArgumentError(absl::StrCat("no sensor is called '", std::string(name), "': expected one of ",
+                                                 absl::StrJoin(SensorNames(), ", ")));
 }
 
 std::vector<Eigen::Vector3f> DirectionsOf(const SensorModel& sensor, size_t scan, double phase) {

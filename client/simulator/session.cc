@@ -10,14 +10,14 @@
 namespace mapkeep {
 namespace {
 
-constexpr double kOwnPlace = 1.2;       // metres around the sensor, seen from above, in which nothing else drives
+constexpr double kOwnPlace = 1.2;  // metres around the sensor, seen from above, in which nothing else drives
 constexpr uint64_t kOdometryPart = ~uint64_t{0};
 constexpr uint32_t kLargestLabelledId = 0xffff;
 
 struct Stage {
   RayCaster caster;
   std::vector<SceneObject> objects;
-  std::vector<bool> moving;  // one an object
+  std::vector<bool> moving;                            // one an object
   std::vector<std::array<Eigen::Vector3f, 2>> bounds;  // one a mesh
   Ride ride;
 };
@@ -29,9 +29,8 @@ bool MovesSometime(const SceneObject& object, const Ride& ride) {
 /// Whether a thing at `pose` (relative to the sensor) reaches into the sensor's own place.
 bool Collides(const Pose& pose, const std::array<Eigen::Vector3f, 2>& bounds) {
   const Eigen::Vector3d sensor = pose.inverse().translation();  // in the thing's frame
-  const Eigen::Vector2d nearest = sensor.head<2>()
-                                      .cwiseMax(bounds[0].head<2>().cast<double>())
-                                      .cwiseMin(bounds[1].head<2>().cast<double>());
+  const Eigen::Vector2d nearest =
+      sensor.head<2>().cwiseMax(bounds[0].head<2>().cast<double>()).cwiseMin(bounds[1].head<2>().cast<double>());
   const bool level = sensor.z() > bounds[0].z() - 3 && sensor.z() < bounds[1].z() + 3;
   return level && (sensor.head<2>() - nearest).norm() < kOwnPlace;
 }
@@ -85,8 +84,8 @@ absl::StatusOr<LabelledScan> CastScan(const Stage& stage, size_t index) {
   const uint64_t seed = SeedOf(ride.seed, index);
   const double phase = static_cast<double>(HashBits(seed) >> 11) * 0x1p-53;
   const std::vector<Eigen::Vector3f> directions = DirectionsOf(ride.sensor, index, phase);
-  absl::StatusOr<std::vector<RayHit>> hits = stage.caster.Cast(instances, RaysOf(directions, ride, sensor_end),
-                                                               static_cast<float>(ride.sensor.max_range));
+  absl::StatusOr<std::vector<RayHit>> hits =
+      stage.caster.Cast(instances, RaysOf(directions, ride, sensor_end), static_cast<float>(ride.sensor.max_range));
   if (!hits.ok()) return hits.status();
   LabelledScan measured = Measure(ride.sensor, directions, *hits, labels, seed);
   measured.scan.time = ride.start_time + begin;

@@ -21,9 +21,9 @@ namespace mapkeep {
 struct Ride {
   SensorModel sensor;
   size_t scans = 100;
-  double start_time = 0;                      ///< seconds since 1970, of the first scan
-  std::function<Pose(double)> sensor_pose;    ///< truth at a time since the start: the scene's frame from the sensor's
-  bool rolling_shutter = false;               ///< false: all rays of a scan are of its start, as if deskewed perfectly
+  double start_time = 0;                    ///< seconds since 1970, of the first scan
+  std::function<Pose(double)> sensor_pose;  ///< truth at a time since the start: the scene's frame from the sensor's
+  bool rolling_shutter = false;             ///< false: all rays of a scan are of its start, as if deskewed perfectly
   OdometryParameters odometry;
   uint64_t seed = 1;
 };

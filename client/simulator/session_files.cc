@@ -100,7 +100,7 @@ absl::Status WriteKthScan(const LabelledScan& labelled, const Pose& pose, const 
   Scan in_world = labelled.scan;
   for (size_t i = 0; i < in_world.points.size(); ++i) {
     const Eigen::Vector3d point = pose * in_world.points[i].cast<double>();
-    truth.Add(point, LabelClass(labelled.labels[i]) == kMovingLabel ? 1 : 0);
+    truth.Add(point, ClassOfLabel(labelled.labels[i]) == kMovingLabel ? 1 : 0);
     in_world.points[i] = point.cast<float>();
   }
   return WritePcdScan(file, in_world, pose, encoding);
@@ -128,7 +128,8 @@ absl::Status WriteScans(const SimulatedSession& session, const fs::path& directo
         status = WritePcdScan(directory / "Scans" / (NumberOf(i) + ".pcd"), labelled->scan, Pose::Identity(), encoding);
         break;
       case SessionLayout::kKth:
-        status = WriteKthScan(*labelled, session.odometry[i], directory / "pcd" / (NumberOf(i) + ".pcd"), encoding, *truth);
+        status =
+            WriteKthScan(*labelled, session.odometry[i], directory / "pcd" / (NumberOf(i) + ".pcd"), encoding, *truth);
         break;
     }
     if (!status.ok()) return status;

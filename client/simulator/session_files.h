@@ -20,9 +20,11 @@ enum class PcdEncoding : uint8_t { kBinary, kAscii, kCompressed };
 /// - kKth: pcd/NNNNNN.pcd in the frame of the odometry, its pose in VIEWPOINT, and gt_cloud.pcd with all points of the
 ///   session, intensity 1 for moving ones and 0 for others.
 ///
-/// Poses are the odometry. Beside them, in any layout: times.txt (seconds since 1970), truth_poses.txt (in the common frame)
-/// and objects.json (see WriteObjects). The directory gets its name when all is written; until then it is hidden beside it as
-/// `.NAME.partial` (one that an interrupted run left is replaced). ALREADY_EXISTS, CANCELLED, or an error naming the file.
+/// Poses are the odometry. Beside them, in any layout: times.txt (seconds since 1970), truth_poses.txt (in the common
+/// frame) and objects.json (see WriteObjects). The directory gets its name when all is written; until then it is hidden
+/// beside it as
+/// `.NAME.partial` (one that an interrupted run left is replaced). ALREADY_EXISTS, CANCELLED, or an error naming the
+/// file.
 absl::Status WriteSession(const SimulatedSession& session, const std::filesystem::path& directory, SessionLayout layout,
                           PcdEncoding encoding = PcdEncoding::kBinary, const Progress& progress = {});
 

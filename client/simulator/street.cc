@@ -209,8 +209,9 @@ absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters) {
   absl::StatusOr<RayCaster> caster = RayCaster::Create(std::move(builder.meshes));
   if (!caster.ok()) return caster.status();
   const auto next_id = static_cast<uint32_t>(builder.objects.size() + 1);
-  return Street{parameters, std::move(ground), *std::move(caster), std::move(builder.shared),
-                std::move(builder.objects), next_id};
+  return Street{
+      parameters, std::move(ground), *std::move(caster), std::move(builder.shared), std::move(builder.objects),
+      next_id};
 }
 
 }  // namespace mapkeep

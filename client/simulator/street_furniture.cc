@@ -89,7 +89,8 @@ TriangleMesh MakeBollard(uint64_t seed) {
 
 TriangleMesh MakeBench(uint64_t /*seed*/) {
   TriangleMesh mesh;
-  for (const float x : {-0.7F, 0.7F}) AddBox(mesh, {x - 0.05F, -0.2F, -0.1F}, {x + 0.05F, 0.25F, 0.43F}, Material::kMetal);
+  for (const float x : {-0.7F, 0.7F})
+    AddBox(mesh, {x - 0.05F, -0.2F, -0.1F}, {x + 0.05F, 0.25F, 0.43F}, Material::kMetal);
   for (const float y : {-0.2F, -0.05F, 0.1F}) AddBox(mesh, {-0.9F, y, 0.43F}, {0.9F, y + 0.1F, 0.47F}, Material::kWood);
   for (const float z : {0.6F, 0.75F}) AddBox(mesh, {-0.9F, 0.22F, z}, {0.9F, 0.26F, z + 0.1F}, Material::kWood);
   return mesh;
@@ -128,7 +129,8 @@ TriangleMesh MakeConstruction(uint64_t seed) {
   switch (random.Index(4)) {
     case 0: {  // a container, ribbed
       AddBox(mesh, {-2.0F, -0.75F, 0.1F}, {2.0F, 0.75F, 2.2F}, Material::kMetal);
-      for (float x = -1.9F; x < 2; x += 0.4F) AddBox(mesh, {x, -0.8F, 0.15F}, {x + 0.15F, 0.8F, 2.15F}, Material::kMetal);
+      for (float x = -1.9F; x < 2; x += 0.4F)
+        AddBox(mesh, {x, -0.8F, 0.15F}, {x + 0.15F, 0.8F, 2.15F}, Material::kMetal);
       break;
     }
     case 1:  // a kiosk

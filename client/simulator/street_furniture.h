@@ -18,7 +18,8 @@ TriangleMesh MakeBench(uint64_t seed);
 TriangleMesh MakeFence(float length, uint64_t seed);
 /// A dense core in loose leaves, along x from 0 to `length`, about 1.2 m tall.
 TriangleMesh MakeHedge(float length, uint64_t seed);
-/// Something that stands for some weeks: a container, a kiosk, a hoarding or a scaffold, 3-6 m along x, its middle at 0.
+/// Something that stands for some weeks: a container, a kiosk, a hoarding or a scaffold, 3-6 m along x, its middle at
+/// 0.
 TriangleMesh MakeConstruction(uint64_t seed);
 
 }  // namespace mapkeep

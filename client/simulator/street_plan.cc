@@ -49,7 +49,8 @@ void AddKerbSlots(StreetPlan& plan, RandomStream& random) {
   for (const int side : {1, -1}) {
     for (double s = kCrossing + 5; s < kStreetLength - 4; s += 5.6) {
       if (IsDriveway(plan, s - 1.5, side) || IsDriveway(plan, s + 1.5, side)) continue;
-      plan.slots.push_back({plan.begin + s + random.Uniform(-0.3, 0.3), side * (kKerb - 1.05 + random.Uniform(-0.08, 0.08)),
+      plan.slots.push_back({plan.begin + s + random.Uniform(-0.3, 0.3),
+                            side * (kKerb - 1.05 + random.Uniform(-0.08, 0.08)),
                             (side > 0 ? std::numbers::pi : 0) + random.Uniform(-0.03, 0.03), 0, true});
     }
   }
@@ -63,8 +64,9 @@ void AddLotSlots(StreetPlan& plan, RandomStream& random) {
       for (const double a : {13.0, 22.0}) {
         for (int deck = 0; deck < (decks ? 2 : 1); ++deck) {
           const double nose = random.Chance(0.5) ? kQuarterTurn : -kQuarterTurn;
-          plan.slots.push_back({plan.begin + s + random.Uniform(-0.15, 0.15), lot.side * (a + random.Uniform(-0.3, 0.3)),
-                                nose + random.Uniform(-0.04, 0.04), 3.0 * deck, false});
+          plan.slots.push_back({plan.begin + s + random.Uniform(-0.15, 0.15),
+                                lot.side * (a + random.Uniform(-0.3, 0.3)), nose + random.Uniform(-0.04, 0.04),
+                                3.0 * deck, false});
         }
       }
     }
@@ -95,7 +97,8 @@ StreetPlan PlanStreet(uint64_t seed, double begin) {
   AddLotSlots(plan, random);
   for (const int side : {1, -1}) {
     for (const double s : {24.0, 57.0, 84.0}) {
-      plan.sites.push_back({begin + s + random.Uniform(-6, 6), side * (kBuildingLine - 0.9), side > 0 ? 0 : std::numbers::pi});
+      plan.sites.push_back(
+          {begin + s + random.Uniform(-6, 6), side * (kBuildingLine - 0.9), side > 0 ? 0 : std::numbers::pi});
     }
   }
   return plan;

@@ -7,12 +7,12 @@ namespace mapkeep {
 
 // A street is planned in street coordinates: s metres along its centre line, d metres to the left of it.
 
-inline constexpr double kStreetLength = 100;    ///< metres from one crossing to the next
-inline constexpr double kCrossing = 14;         ///< metres of a street, at its start, that its crossing takes
-inline constexpr double kLane = 1.65;           ///< |d| of a lane's middle; traffic keeps to the right
-inline constexpr double kKerb = 5.4;            ///< |d| of the kerb
-inline constexpr double kBuildingLine = 8.6;    ///< |d| at which pavements end and houses begin
-inline constexpr double kBridgeClearance = 5;   ///< metres below the bridge
+inline constexpr double kStreetLength = 100;   ///< metres from one crossing to the next
+inline constexpr double kCrossing = 14;        ///< metres of a street, at its start, that its crossing takes
+inline constexpr double kLane = 1.65;          ///< |d| of a lane's middle; traffic keeps to the right
+inline constexpr double kKerb = 5.4;           ///< |d| of the kerb
+inline constexpr double kBuildingLine = 8.6;   ///< |d| at which pavements end and houses begin
+inline constexpr double kBridgeClearance = 5;  ///< metres below the bridge
 
 /// What lies beyond the pavement.
 enum class LotKind : uint8_t {
@@ -48,8 +48,8 @@ struct BuildingSite {
 /// One block of a street, from its seed alone.
 struct StreetPlan {
   uint64_t seed = 0;
-  double begin = 0;  ///< s of its start in the row
-  double bridge = 0; ///< s of the bridge's middle from the street's start
+  double begin = 0;   ///< s of its start in the row
+  double bridge = 0;  ///< s of the bridge's middle from the street's start
   std::vector<Lot> lots;
   std::vector<ParkingSlot> slots;
   std::vector<BuildingSite> sites;

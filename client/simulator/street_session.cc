@@ -18,6 +18,7 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kFirstSession = 1780300800;  // 2026-06-01 08:00 UTC
 constexpr double kDay = 86400;
 constexpr double kMargin = 5;  // metres of street before and behind the route
+constexpr double kLeastAway = 3;  // seconds of a session for which a waiting car must be gone
 constexpr uint64_t kSessionPart = 100;
 
 /// The robot's loop: up the right lane, a half circle, down the other, a half circle.
@@ -49,7 +50,9 @@ Pose SwayAt(double time, double speed) {
          Eigen::AngleAxisd(amount * roll, Eigen::Vector3d::UnitX());
 }
 
-absl::Status CheckParameters(const DriveParameters& parameters, int session) {
+}  // namespace
+
+absl::Status CheckDrive(const DriveParameters& parameters, int session) {
   if (session < 0) return absl::InvalidArgumentError(absl::StrFormat("session is %d: expected 0 or more", session));
   if (parameters.scans == 0) return absl::InvalidArgumentError("scans is 0: expected at least 1");
   if (!(parameters.speed >= 0 && parameters.speed <= 50)) {
@@ -69,10 +72,8 @@ absl::Status CheckParameters(const DriveParameters& parameters, int session) {
   return absl::OkStatus();
 }
 
-}  // namespace
-
 absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session, const DriveParameters& parameters) {
-  if (absl::Status checked = CheckParameters(parameters, session); !checked.ok()) return checked;
+  if (absl::Status checked = CheckDrive(parameters, session); !checked.ok()) return checked;
   const uint64_t seed = SeedOf(SeedOf(street.parameters.seed, kSessionPart), static_cast<uint64_t>(session));
   const TrafficParameters& traffic = parameters.traffic;
   const double duration = static_cast<double>(parameters.scans) * parameters.sensor.period;
@@ -88,7 +89,7 @@ absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session,
   std::move(occupancy.constructions.begin(), occupancy.constructions.end(), std::back_inserter(objects));
   for (ParkedVehicle& vehicle : occupancy.vehicles) {
     if (vehicle.drives_off) {
-      const double wait = std::min(traffic.wait, duration / 2);
+      const double wait = traffic.wait + kLeastAway <= duration ? traffic.wait : duration / 2;
       vehicle.object.track = DriveOff(street, vehicle.slot, wait);
       vehicle.object.state = ObjectState::kMoving;
     }

@@ -16,8 +16,8 @@ std::optional<Pose> PoseAt(const Track& track, double time) {
   if (track.empty()) return std::nullopt;
   if (track.size() == 1) return track.front().pose;
   if (time < track.front().time || time > track.back().time) return std::nullopt;
-  const auto after = std::upper_bound(track.begin(), track.end(), time,
-                                      [](double t, const TrackKey& key) { return t < key.time; });
+  const auto after =
+      std::upper_bound(track.begin(), track.end(), time, [](double t, const TrackKey& key) { return t < key.time; });
   if (after == track.end()) return track.back().pose;
   const TrackKey &a = *(after - 1), &b = *after;
   return Between(a.pose, b.pose, (time - a.time) / (b.time - a.time));

@@ -13,8 +13,8 @@ struct TrackKey {
   Pose pose = Pose::Identity();
 };
 
-/// Where something is in one session: keys in the order of time. One key: it stands there all the time. More: it moves from
-/// one to the next and is nowhere before the first and after the last.
+/// Where something is in one session: keys in the order of time. One key: it stands there all the time. More: it moves
+/// from one to the next and is nowhere before the first and after the last.
 using Track = std::vector<TrackKey>;
 
 /// Straight between keys; nothing when the thing is not there.

@@ -12,10 +12,10 @@ namespace mapkeep {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kReach = 160;        // metres from the robot beyond which nobody is simulated
-constexpr double kKeyStep = 0.2;      // seconds between the keys of a track
-constexpr double kSearchStep = 1.0;   // seconds
-constexpr double kTrafficSpeed = 8;   // metres a second
+constexpr double kReach = 160;       // metres from the robot beyond which nobody is simulated
+constexpr double kKeyStep = 0.2;     // seconds between the keys of a track
+constexpr double kSearchStep = 1.0;  // seconds
+constexpr double kTrafficSpeed = 8;  // metres a second
 constexpr double kCyclingSpeed = 4.2;
 constexpr double kCyclingLine = 2.95;  // |d|: between the lane and the parked cars
 
@@ -81,7 +81,8 @@ class Traffic {
       for (int i = 0; i < count; ++i) {
         const double side = random_.Chance(0.5) ? 1 : -1;
         const double d = side * random_.Uniform(6.5, 8.2), s = plan.begin + random_.Uniform(0, kStreetLength);
-        const double speed = random_.Uniform(0.9, 1.7), length = random_.Uniform(15, 40), ahead = random_.Uniform(0, 80);
+        const double speed = random_.Uniform(0.9, 1.7), length = random_.Uniform(15, 40),
+                     ahead = random_.Uniform(0, 80);
         AddWalker([=](double time) -> std::optional<RobotPlace> {
           const auto [at, forward] = ToAndFro(ahead + speed * time, length);
           return RobotPlace{s + at, d, forward ? 0 : kPi};

@@ -14,7 +14,7 @@ struct TrafficParameters {
   double density = 1;        ///< of all that passes; 0: nothing moves but the cars that drive off
   int crowd = 12;            ///< people of a crowd, one crowd a street
   bool stop_and_go = false;  ///< everybody on the road stops and starts, the robot too
-  double wait = 20;          ///< seconds until a waiting car drives off, or half the session if that is less
+  double wait = 20;          ///< seconds until a waiting car drives off; half the session if that is shorter
 };
 
 /// Where the robot is in street coordinates.
@@ -23,11 +23,12 @@ struct RobotPlace {
 };
 using RobotPath = std::function<RobotPlace(double time)>;
 
-/// The share of its travel at even speed that a vehicle has done at `time` in stop-and-go traffic: seconds in, seconds out.
+/// The share of its travel at even speed that a vehicle has done at `time` in stop-and-go traffic: seconds in, seconds
+/// out.
 double StopAndGoTime(double time);
 
-/// Cars, lorries, cyclists, pedestrians and crowds that come near the robot within `duration` seconds. Tracks are kept only
-/// for the time in which they are within 160 m of it. Ids from `first_id`.
+/// Cars, lorries, cyclists, pedestrians and crowds that come near the robot within `duration` seconds. Tracks are kept
+/// only for the time in which they are within 160 m of it. Ids from `first_id`.
 std::vector<SceneObject> TrafficOf(const Street& street, const TrafficParameters& parameters, const RobotPath& robot,
                                    double robot_speed, double duration, uint64_t seed, uint32_t first_id);
 

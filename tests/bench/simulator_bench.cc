@@ -18,7 +18,7 @@ void DriveThroughAStreet(benchmark::State& state, const char* sensor) {
     const auto labelled = session->labelled(scan++ % session->scans.count);
     if (!labelled.ok()) return state.SkipWithError(labelled.status().ToString().c_str());
     points += static_cast<double>(labelled->scan.points.size());
-    for (const uint32_t label : labelled->labels) moving += LabelClass(label) == kMovingLabel ? 1 : 0;
+    for (const uint32_t label : labelled->labels) moving += ClassOfLabel(label) == kMovingLabel ? 1 : 0;
   }
   state.counters["scans/s"] = benchmark::Counter(static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
   state.counters["points"] = points / static_cast<double>(state.iterations());
