@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "client/readers/pcd_file.h"
+#include "client/readers/pcd_header.h"
 #include "client/readers/scan_files.h"
 #include "client/readers/text_files.h"
 
@@ -12,11 +13,11 @@ namespace {
 namespace fs = std::filesystem;
 
 absl::StatusOr<Scan> ReadInSensorFrame(const fs::path& file) {
-  absl::StatusOr<Pose> world_sensor = ReadPcdViewpoint(file);
-  if (!world_sensor.ok()) return world_sensor.status();
+  absl::StatusOr<PcdHeader> header = ReadPcdHeader(file);
+  if (!header.ok()) return header.status();
   absl::StatusOr<Scan> scan = ReadPcdPoints(file);
   if (!scan.ok()) return scan;
-  const Pose sensor_world = world_sensor->inverse();
+  const Pose sensor_world = header->viewpoint.inverse();
   for (Eigen::Vector3f& point : scan->points) point = (sensor_world * point.cast<double>()).cast<float>();
   return scan;
 }
@@ -32,9 +33,9 @@ absl::StatusOr<SessionDirectory> OpenKth(const fs::path& directory) {
   session.files = *std::move(files);
   session.poses.reserve(session.files.size());
   for (const fs::path& file : session.files) {
-    absl::StatusOr<Pose> pose = ReadPcdViewpoint(file);
-    if (!pose.ok()) return pose.status();
-    session.poses.push_back(*pose);
+    absl::StatusOr<PcdHeader> header = ReadPcdHeader(file);
+    if (!header.ok()) return header.status();
+    session.poses.push_back(header->viewpoint);
   }
   absl::StatusOr<std::vector<double>> times = ReadTimes(directory / "times.txt");
   if (!times.ok()) return times.status();

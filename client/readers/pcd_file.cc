@@ -1,7 +1,6 @@
 #include "client/readers/pcd_file.h"
 
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_format.h>
 #include <absl/strings/string_view.h>
 #include <pcl/PCLPointCloud2.h>
 #include <pcl/console/print.h>
@@ -11,10 +10,8 @@
 #include <cstring>
 #include <exception>
 #include <string>
-#include <string_view>
-#include <vector>
 
-#include "client/readers/session_directory.h"
+#include "client/readers/pcd_header.h"
 
 namespace mapkeep {
 namespace {
@@ -25,56 +22,20 @@ absl::Status AtFile(const fs::path& file, absl::string_view what) {
   return absl::InvalidArgumentError(absl::StrCat(file.string(), ": ", what));
 }
 
-struct Header {
-  pcl::PCLPointCloud2 cloud;  ///< fields and size, no data
-  Pose viewpoint = Pose::Identity();
-};
-
 /// PCL reports bad files by return codes, exceptions and prints: all become a status here.
-template <typename Call>
-absl::Status Guarded(const fs::path& file, Call call) {
+absl::StatusOr<pcl::PCLPointCloud2> ReadCloud(const fs::path& file) {
   static const bool silenced = [] {
     pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
     return true;
   }();
   (void)silenced;
+  pcl::PCLPointCloud2 cloud;
   try {
-    if (call() >= 0) return absl::OkStatus();
+    if (pcl::PCDReader().read(file.string(), cloud) >= 0) return cloud;
   } catch (const std::exception& error) {
-    return AtFile(file, absl::StrCat("not a readable PCD file: ", error.what()));
+    return AtFile(file, absl::StrCat("its points cannot be read: ", error.what()));
   }
-  return AtFile(file, "not a readable PCD file, or truncated");
-}
-
-absl::StatusOr<Header> ReadHeader(const fs::path& file) {
-  std::error_code error;
-  const uintmax_t bytes = fs::file_size(file, error);
-  if (error) return absl::NotFoundError(absl::StrCat(file.string(), ": ", error.message()));
-  Header header;
-  Eigen::Vector4f origin = Eigen::Vector4f::Zero();
-  Eigen::Quaternionf orientation = Eigen::Quaternionf::Identity();
-  int version = 0, data_type = 0;
-  unsigned int data_begin = 0;
-  absl::Status read = Guarded(file, [&] {
-    return pcl::PCDReader().readHeader(file.string(), header.cloud, origin, orientation, version, data_type,
-                                       data_begin);
-  });
-  if (!read.ok()) return read;
-  const uint64_t count = uint64_t{header.cloud.width} * header.cloud.height;
-  if (count > kMostPoints) {
-    return AtFile(file, absl::StrFormat("%d points, more than the %d a scan may hold", count, kMostPoints));
-  }
-  constexpr int kUncompressedBinary = 1;
-  if (data_type == kUncompressedBinary && bytes < data_begin + count * header.cloud.point_step) {
-    return AtFile(file, absl::StrFormat("truncated: %d bytes, but its header announces %d points of %d bytes", bytes,
-                                        count, header.cloud.point_step));
-  }
-  if (!orientation.coeffs().allFinite() || !origin.allFinite() || std::abs(orientation.norm() - 1) > 1e-3) {
-    return AtFile(file, "VIEWPOINT is not a finite translation and a unit quaternion");
-  }
-  header.viewpoint.linear() = orientation.cast<double>().normalized().toRotationMatrix();
-  header.viewpoint.translation() = origin.head<3>().cast<double>();
-  return header;
+  return AtFile(file, "its points cannot be read: truncated or damaged");
 }
 
 template <typename Number>
@@ -84,74 +45,54 @@ float Load(const uint8_t* bytes) {
   return static_cast<float>(number);
 }
 
-using Loader = float (*)(const uint8_t*);
-
-/// How to read one number of a field as float32, whatever its type in the file.
-Loader LoaderOf(const pcl::PCLPointField& field) {
-  switch (field.datatype) {
-    case pcl::PCLPointField::INT8:
-      return Load<int8_t>;
-    case pcl::PCLPointField::UINT8:
-      return Load<uint8_t>;
-    case pcl::PCLPointField::INT16:
-      return Load<int16_t>;
-    case pcl::PCLPointField::UINT16:
-      return Load<uint16_t>;
-    case pcl::PCLPointField::INT32:
-      return Load<int32_t>;
-    case pcl::PCLPointField::UINT32:
-      return Load<uint32_t>;
-    case pcl::PCLPointField::FLOAT32:
-      return Load<float>;
-    case pcl::PCLPointField::FLOAT64:
-      return Load<double>;
-    default:
-      return nullptr;
-  }
-}
-
+/// One number of every point as float32, whatever its type in the file.
 struct Column {
   uint32_t offset = 0;
-  Loader load = nullptr;  ///< null: there is no such field
+  float (*load)(const uint8_t* bytes) = nullptr;
+
+  float Of(const uint8_t* point) const { return load(point + offset); }
 };
 
-Column ColumnNamed(const pcl::PCLPointCloud2& cloud, std::string_view name) {
-  for (const pcl::PCLPointField& field : cloud.fields) {
-    if (field.name == name) return {field.offset, LoaderOf(field)};
+Column ColumnOf(const PcdHeader::Field& field) {
+  switch (field.type) {
+    case 'F':
+      return {field.offset, field.size == 4 ? Load<float> : Load<double>};
+    case 'U':
+      if (field.size == 1) return {field.offset, Load<uint8_t>};
+      if (field.size == 2) return {field.offset, Load<uint16_t>};
+      return {field.offset, field.size == 4 ? Load<uint32_t> : Load<uint64_t>};
+    default:
+      if (field.size == 1) return {field.offset, Load<int8_t>};
+      if (field.size == 2) return {field.offset, Load<int16_t>};
+      return {field.offset, field.size == 4 ? Load<int32_t> : Load<int64_t>};
   }
-  return {};
 }
 
 }  // namespace
 
-absl::StatusOr<Pose> ReadPcdViewpoint(const fs::path& file) {
-  absl::StatusOr<Header> header = ReadHeader(file);
-  if (!header.ok()) return header.status();
-  return header->viewpoint;
-}
-
 absl::StatusOr<Scan> ReadPcdPoints(const fs::path& file) {
-  // The header is judged first: the reader allocates what it announces.
-  absl::StatusOr<Header> header = ReadHeader(file);
+  absl::StatusOr<PcdHeader> header = ReadPcdHeader(file);
   if (!header.ok()) return header.status();
-  pcl::PCLPointCloud2 cloud;
-  absl::Status read = Guarded(file, [&] { return pcl::PCDReader().read(file.string(), cloud); });
-  if (!read.ok()) return read;
-
-  const std::array<Column, 3> axes = {ColumnNamed(cloud, "x"), ColumnNamed(cloud, "y"), ColumnNamed(cloud, "z")};
-  for (const Column& axis : axes) {
-    if (axis.load == nullptr) return AtFile(file, "has no fields x, y and z");
+  std::array<Column, 3> axes;
+  for (size_t axis = 0; axis < axes.size(); ++axis) {
+    const PcdHeader::Field* field = FindField(*header, std::array{"x", "y", "z"}[axis]);
+    if (field == nullptr) return AtFile(file, "has no fields x, y and z");
+    axes[axis] = ColumnOf(*field);
   }
-  const Column intensity = ColumnNamed(cloud, "intensity");
-  const size_t count = size_t{cloud.width} * cloud.height;
-  if (cloud.data.size() < count * cloud.point_step) return AtFile(file, "truncated");
+  const PcdHeader::Field* intensity = FindField(*header, "intensity");
+  if (header->points == 0) return Scan();  // PCL takes an empty cloud for a damaged one
+
+  absl::StatusOr<pcl::PCLPointCloud2> cloud = ReadCloud(file);
+  if (!cloud.ok()) return cloud.status();
+  if (cloud->point_step != header->point_bytes || cloud->data.size() < header->points * header->point_bytes) {
+    return AtFile(file, "its points cannot be read: PCL understands the header otherwise");
+  }
   Scan scan;
-  scan.points.reserve(count);
-  for (size_t i = 0; i < count; ++i) {
-    const uint8_t* point = cloud.data.data() + i * cloud.point_step;
-    scan.points.emplace_back(axes[0].load(point + axes[0].offset), axes[1].load(point + axes[1].offset),
-                             axes[2].load(point + axes[2].offset));
-    if (intensity.load != nullptr) scan.intensities.push_back(intensity.load(point + intensity.offset));
+  scan.points.reserve(header->points);
+  for (size_t i = 0; i < header->points; ++i) {
+    const uint8_t* point = cloud->data.data() + i * header->point_bytes;
+    scan.points.emplace_back(axes[0].Of(point), axes[1].Of(point), axes[2].Of(point));
+    if (intensity != nullptr) scan.intensities.push_back(ColumnOf(*intensity).Of(point));
   }
   return scan;
 }

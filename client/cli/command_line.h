@@ -1,0 +1,46 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "client/mapkeep/client.h"
+
+namespace mapkeep {
+
+/// What the process returns.
+enum class ExitCode : int {
+  kDone = 0,
+  kFailed = 1,  ///< the operation failed
+  kUsage = 2,   ///< usage or bad input
+};
+
+struct GlobalOptions {
+  std::string server = ClientOptions().server;
+  bool json = false;
+
+  Client Connect() const {
+    ClientOptions client;
+    client.server = server;
+    return Client(client);
+  }
+};
+
+/// The program's command line. Command groups add their commands to `app`; a command that is given sets `action`, which
+/// runs once everything has been parsed.
+struct CommandLine {
+  CLI::App app{"Keeps one clean static LiDAR map per site: sessions in, static map out."};
+  GlobalOptions options;
+  std::function<ExitCode()> action;
+};
+
+void AddMapCommands(CommandLine& line);
+void AddSessionCommands(CommandLine& line);
+void AddExportCommand(CommandLine& line);
+void AddQueryCommand(CommandLine& line);
+void AddCleanCommand(CommandLine& line);
+
+/// Accepts a map's or session's name: [A-Za-z0-9][A-Za-z0-9._:-]{0,127}.
+CLI::Validator NameValidator();
+
+}  // namespace mapkeep

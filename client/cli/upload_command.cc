@@ -1,0 +1,119 @@
+#include "client/cli/upload_command.h"
+
+#include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "client/cli/arguments.h"
+#include "client/cli/interruption.h"
+#include "client/cli/json_values.h"
+#include "client/cli/output.h"
+#include "client/cli/progress_line.h"
+#include "client/cli/session_input.h"
+#include "client/cli/session_view.h"
+#include "client/mapkeep/client.h"
+#include "client/mapkeep/scan_checksums.h"
+#include "core/checksum/crc32c.h"
+
+namespace mapkeep {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct UploadArguments {
+  std::string map;
+  SessionInput input;
+  std::string id;
+  std::string robot;
+  bool keep_scans = false;
+  bool wait = false;
+};
+
+std::string DefaultId(const fs::path& directory, const std::vector<uint32_t>& checksums) {
+  std::error_code error;
+  const fs::path real = fs::canonical(directory, error);
+  const std::string_view bytes(reinterpret_cast<const char*>(checksums.data()), checksums.size() * sizeof(uint32_t));
+  return SessionIdFrom(real.filename().string(), Crc32c(bytes));
+}
+
+/// What the first part of an upload leaves to the second.
+struct Sent {
+  SessionInfo session;
+  ExitCode exit = ExitCode::kDone;
+};
+
+/// Reads and checks everything, and only then sends.
+Sent Send(const GlobalOptions& options, const Client& client, const UploadArguments& arguments) {
+  const Interruption interruption;
+  ProgressLine line(options.json);
+  const absl::StatusOr<SessionDirectory> directory = OpenSessionInput(arguments.input);
+  if (!directory.ok()) return {{}, BadInput(directory.status())};
+  const ScanSource scans = SourceOf(*directory);
+  const auto show = [&](const char* stage) {
+    return [&, stage](double fraction) {
+      line.Show(stage, fraction);
+      return !interruption.requested();
+    };
+  };
+  const auto checksums = ScanChecksums(scans, directory->poses, show("checking"));
+  line.Clear();
+  if (!checksums.ok()) return {{}, BadInput(checksums.status())};
+
+  const SessionUpload upload{
+      .map = arguments.map,
+      .id = arguments.id.empty() ? DefaultId(arguments.input.directory, *checksums) : arguments.id,
+      .robot = arguments.robot,
+      .keep_scans = arguments.keep_scans,
+      .scans = scans,
+      .poses = directory->poses,
+      .checksums = *checksums};
+  absl::StatusOr<SessionInfo> session = client.UploadSession(upload, show("uploading"));
+  line.Clear();
+  if (absl::IsCancelled(session.status())) {
+    PrintError("stopped; the same command goes on from there");
+    return {{}, ExitCode::kFailed};
+  }
+  if (!session.ok()) return {{}, Fail(session.status())};
+  return {*std::move(session)};
+}
+
+ExitCode Upload(const GlobalOptions& options, const UploadArguments& arguments) {
+  const Client client = options.Connect();
+  const Sent sent = Send(options, client, arguments);
+  if (sent.exit != ExitCode::kDone) return sent.exit;
+  if (arguments.wait) return WatchToTheEnd(options, client, arguments.map, sent.session.id);
+  if (options.json) {
+    PrintJson(JsonOf(sent.session));
+  } else {
+    std::cout << absl::StrFormat("session %s: %s, %d scans\n", sent.session.id, NameOf(sent.session.state),
+                                 sent.session.scan_count);
+  }
+  return ExitCode::kDone;
+}
+
+}  // namespace
+
+void AddUploadCommand(CommandLine& line, CLI::App& group) {
+  CLI::App* command = group.add_subcommand("upload", "Upload a session directory; an upload that broke off is resumed");
+  auto arguments = std::make_shared<UploadArguments>();
+  command->add_option("MAP", arguments->map)->required()->check(NameValidator());
+  AddSessionInput(*command, arguments->input);
+  command->add_option("--id", arguments->id, "Id of the session; by default the directory's name and a checksum")
+      ->check(NameValidator());
+  command->add_option("--robot", arguments->robot, "Who drove");
+  command->add_flag("--keep-scans", arguments->keep_scans, "Keep the scans on the server after the commit");
+  command->add_flag("--wait", arguments->wait, "Wait until it is merged: exit 0 only if it was committed");
+  command->callback(
+      [&line, arguments] { line.action = [&line, arguments] { return Upload(line.options, *arguments); }; });
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,129 @@
+// `mapkeep clean` on a small session: a wall behind a car that drives away.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <pcl/io/pcd_io.h>
+#include <pcl/point_types.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/unit/client/program.h"
+#include "tests/unit/client/session_files.h"
+
+namespace mapkeep {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kScans = 20;
+constexpr float kWallX = 12;
+constexpr float kCarX = 6;
+constexpr int kNoReturns = 1;
+
+/// A ray from the sensor to (1, y, z) reaches the car in the first three scans and the wall after that.
+bool MeetsTheCar(float y, float z) { return std::abs(y) < 0.12F && z > -0.15F && z < 0.05F; }
+
+/// The scans of a sensor at rest: one no-return, then a grid of rays.
+std::vector<PointRow> ScanNumber(int scan) {
+  std::vector<PointRow> points(kNoReturns, PointRow{0, 0, 0, 0});
+  for (float y = -0.5F; y < 0.5F; y += 0.01F) {
+    for (float z = -0.2F; z < 0.3F; z += 0.01F) {
+      const float x = scan < 3 && MeetsTheCar(y, z) ? kCarX : kWallX;
+      points.push_back({x, y * x, z * x, 0.5F});
+    }
+  }
+  return points;
+}
+
+std::string Contents(const fs::path& path) {
+  std::ostringstream contents;
+  contents << std::ifstream(path, std::ios::binary).rdbuf();
+  return contents.str();
+}
+
+class Clean : public ::testing::Test {
+ protected:
+  Clean() {
+    std::string poses;
+    for (int i = 0; i < kScans; ++i) {
+      WriteBin(session() / "velodyne" / (std::to_string(i) + ".bin"), ScanNumber(i));
+      poses += kIdentityRow;
+    }
+    WriteText(session() / "poses.txt", poses);
+  }
+
+  fs::path session() const { return directory_.path() / "session"; }
+  fs::path Out(const std::string& name) const { return directory_.path() / name; }
+
+  /// The labels of one scan, one a point of its file.
+  static std::vector<uint32_t> Labels(const fs::path& out, int scan) {
+    const std::string bytes = Contents(out / "labels" / (std::to_string(scan) + ".label"));
+    std::vector<uint32_t> labels(bytes.size() / sizeof(uint32_t));
+    std::copy(bytes.begin(), bytes.end(), reinterpret_cast<char*>(labels.data()));
+    return labels;
+  }
+
+ private:
+  TemporaryDirectory directory_;
+};
+
+TEST_F(Clean, LabelsEveryPointOfEveryFileAndKeepsTheOriginals) {
+  const ProgramResult result = RunMapkeep({"clean", session(), Out("a"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  size_t kept = 0;
+  for (int scan = 0; scan < kScans; ++scan) {
+    const std::vector<PointRow> points = ScanNumber(scan);
+    const std::vector<uint32_t> labels = Labels(Out("a"), scan);
+    ASSERT_EQ(labels.size(), points.size());
+    EXPECT_EQ(labels[0], 0U) << "a point at the sensor is neither kept nor removed";
+    for (size_t i = kNoReturns; i < points.size(); ++i) {
+      ASSERT_EQ(labels[i], points[i][0] == kCarX ? 251U : 9U) << "scan " << scan << " point " << i;
+      kept += labels[i] == 9 ? 1 : 0;
+    }
+  }
+  pcl::PointCloud<pcl::PointXYZI> cloud;
+  ASSERT_EQ(pcl::io::loadPCDFile((Out("a") / "static.pcd").string(), cloud), 0);
+  EXPECT_EQ(cloud.size(), kept);
+  EXPECT_TRUE(std::all_of(cloud.begin(), cloud.end(), [](const auto& p) { return p.x == kWallX; }));
+
+  const auto report = nlohmann::json::parse(result.out);
+  EXPECT_EQ(report, nlohmann::json::parse(Contents(Out("a") / "report.json")));
+  EXPECT_EQ(report["scans"], kScans);
+  EXPECT_EQ(report["no_returns"], kScans * kNoReturns);
+  EXPECT_EQ(report["points"].get<size_t>() - report["points_removed"].get<size_t>(), kept);
+  EXPECT_GT(report["ms_per_scan"].get<double>(), 0);
+}
+
+TEST_F(Clean, OneAndTwoThreadsWriteTheSameBytes) {
+  ASSERT_EQ(RunMapkeep({"clean", session(), Out("one"), "--threads", "1"}).exit_code, 0);
+  ASSERT_EQ(RunMapkeep({"clean", session(), Out("two"), "--threads", "2"}).exit_code, 0);
+  EXPECT_TRUE(Contents(Out("one") / "static.pcd") == Contents(Out("two") / "static.pcd"));
+  for (int scan = 0; scan < kScans; ++scan) EXPECT_EQ(Labels(Out("one"), scan), Labels(Out("two"), scan));
+}
+
+TEST_F(Clean, FarFromZeroTheSamePointsAreKeptToTheMillimetre) {
+  const std::string row = "1 0 0 456789.5 0 1 0 5412345.25 0 0 1 100\n";
+  std::string poses;
+  for (int i = 0; i < kScans; ++i) poses += row;
+  WriteText(session() / "poses.txt", poses);
+  ASSERT_EQ(RunMapkeep({"clean", session(), Out("far")}).exit_code, 0);
+  EXPECT_EQ(Labels(Out("far"), 0)[1], 9U);
+  const std::string pcd = Contents(Out("far") / "static.pcd");
+  EXPECT_NE(pcd.find("SIZE 8 8 8 4"), std::string::npos);
+}
+
+TEST_F(Clean, WhatCannotBeWrittenIsAFailure) {
+  WriteText(Out("file"), "in the way");
+  const ProgramResult result = RunMapkeep({"clean", session(), Out("file")});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.error, ::testing::HasSubstr("cannot be made"));
+}
+
+}  // namespace
+}  // namespace mapkeep
