@@ -3,8 +3,8 @@
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
-#include <functional>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <utility>
 
@@ -19,9 +19,9 @@ constexpr double kPi = std::numbers::pi;
 constexpr float kHalfLength = 30, kHalfWidth = 16, kStorey = 3, kSlab = 0.28F;
 constexpr float kRampHalfLength = 18, kRampHalfWidth = 3;
 constexpr float kParapet = 0.95F;
-constexpr double kAisle = 7.5, kEnd = 24;  // |y| of the aisles, |x| of the lanes that join them
+constexpr double kAisle = 7.5, kEnd = 24;                   // |y| of the aisles, |x| of the lanes that join them
 constexpr double kFirstSession = 1780300800, kDay = 86400;  // 2026-06-01 08:00 UTC
-constexpr uint32_t kIdsASlot = 64;  // cars of a slot before their ids repeat
+constexpr uint32_t kIdsASlot = 64;                          // cars of a slot before their ids repeat
 constexpr uint64_t kSlotPart = 21, kSessionPart = 22;
 
 void AddSlabs(TriangleMesh& mesh) {
@@ -75,7 +75,7 @@ class Route {
  public:
   Route() {
     const double up = kStorey, a = kAisle, e = kEnd, r = kRampHalfLength;
-    points_ = {{-e, -a, 0}, {e, -a, 0},  {e, a, 0},    {-e, a, 0}, {-e, 0, 0}, {-r, 0, 0}, {r, 0, up}, {e, 0, up},
+    points_ = {{-e, -a, 0}, {e, -a, 0},   {e, a, 0},   {-e, a, 0}, {-e, 0, 0}, {-r, 0, 0}, {r, 0, up}, {e, 0, up},
                {e, -a, up}, {-e, -a, up}, {-e, a, up}, {e, a, up}, {e, 0, up}, {r, 0, up}, {-r, 0, 0}, {-e, 0, 0}};
     lengths_.push_back(0);
     for (size_t i = 0; i < points_.size(); ++i) {
@@ -132,7 +132,8 @@ SceneObject Car(uint32_t id, ObjectState state, uint32_t mesh, Track track) {
   return {.id = id, .kind = ObjectKind::kCar, .state = state, .mesh = mesh, .track = std::move(track)};
 }
 
-/// What a slot holds and held. Whoever comes on a day when another leaves waits for a day: the slot is empty in between.
+/// What a slot holds and held. Whoever comes on a day when another leaves waits for a day: the slot is empty in
+/// between.
 void AddParked(std::vector<SceneObject>& objects, const CarPark& car_park, int session, uint32_t& next_id) {
   const std::vector<Pose> slots = Slots();
   for (size_t slot = 0; slot < slots.size(); ++slot) {

@@ -17,7 +17,7 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kFirstSession = 1780300800;  // 2026-06-01 08:00 UTC
 constexpr double kDay = 86400;
-constexpr double kMargin = 5;  // metres of street before and behind the route
+constexpr double kMargin = 5;     // metres of street before and behind the route
 constexpr double kLeastAway = 3;  // seconds of a session for which a waiting car must be gone
 constexpr uint64_t kSessionPart = 100;
 
