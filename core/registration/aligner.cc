@@ -19,7 +19,7 @@ namespace mapkeep {
 namespace {
 
 constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
-constexpr double kFineThinning = 1.5;
+constexpr double kFineThinning = 2;
 
 absl::Status CheckInput(const ScanSource& scans, std::span<const Pose> poses, const RegistrationTarget& target) {
   if (scans.count != poses.size()) {
