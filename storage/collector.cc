@@ -201,7 +201,7 @@ class MapCollector {
 
   absl::Status DropRoots(uint64_t lowest) {
     std::vector<Mutation> roots;
-    const absl::Status scanned =
+    absl::Status scanned =
         engine_.Scan(partition_, RootRow(0), RootRow(lowest), [&roots](std::string_view key, std::string_view) {
           roots.push_back({std::string(key), std::nullopt});
           return true;
