@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "storage/clock.h"
 #include "storage/engine.h"
 
 namespace mapkeep {
@@ -21,20 +22,28 @@ struct Lease {
 };
 
 /// Leases as rows in each map's head partition, beside the head that a commit compares. Thread-safe.
-class Leases {
+class Leases final {
  public:
-  virtual ~Leases() = default;
-  /// ABORTED naming the holder while somebody else's lease has not expired; a holder of the same name takes its own
-  /// over (a restarted daemon goes on at once).
-  virtual absl::StatusOr<Lease> Acquire(std::string_view map, std::string_view session, std::string_view holder,
-                                        double seconds) = 0;
-  /// ABORTED if it was taken over.
-  virtual absl::StatusOr<Lease> Renew(const Lease& lease, double seconds) = 0;
+  /// `engine` outlives it.
+  Leases(Engine& engine, Clock now);
+
+  /// NOT_FOUND without the map. ABORTED naming the holder while somebody else's lease has not expired; a holder of the
+  /// same name takes its own over (a restarted daemon goes on at once).
+  absl::StatusOr<Lease> Acquire(std::string_view map, std::string_view session, std::string_view holder,
+                                double seconds);
+
+  /// Moves the expiry; the fence stays. ABORTED if it was taken over or released.
+  absl::StatusOr<Lease> Renew(const Lease& lease, double seconds);
+
   /// Fine if it was taken over meanwhile.
-  virtual absl::Status Release(const Lease& lease) = 0;
+  absl::Status Release(const Lease& lease);
+
+ private:
+  Engine& engine_;
+  Clock now_;
 };
 
 /// `engine` outlives it.
-std::unique_ptr<Leases> OpenLeases(Engine& engine);
+std::unique_ptr<Leases> OpenLeases(Engine& engine, Clock now = SystemSeconds);
 
 }  // namespace mapkeep

@@ -15,6 +15,7 @@
 
 #include "core/voxels/block.h"
 #include "core/voxels/voxel_index.h"
+#include "storage/clock.h"
 #include "storage/engine.h"
 
 namespace mapkeep {
@@ -41,23 +42,33 @@ struct BlockRange {
 };
 
 /// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
-class Snapshot {
+class Snapshot final {
  public:
-  virtual ~Snapshot() = default;
-  virtual uint64_t epoch() const = 0;
-  virtual const MapRecord& map() const = 0;
-  virtual const MapTotals& totals() const = 0;
+  struct State;
+  explicit Snapshot(std::unique_ptr<const State> state);
+  ~Snapshot();
+  Snapshot(const Snapshot&) = delete;
+  Snapshot& operator=(const Snapshot&) = delete;
+
+  uint64_t epoch() const;
+  const MapRecord& map() const;
+  const MapTotals& totals() const;
+  /// Sessions merged up to this epoch.
+  uint64_t sessions() const;
   /// Smallest range of blocks that holds the map, to whole tiles in x and y; nothing while it is empty.
-  virtual std::optional<BlockRange> bounds() const = 0;
+  std::optional<BlockRange> bounds() const;
 
   /// The block, or nullptr if the map has none there. DATA_LOSS naming the block if its value is damaged or missing.
-  virtual absl::StatusOr<std::shared_ptr<const Block>> Read(BlockKey key) const = 0;
+  absl::StatusOr<std::shared_ptr<const Block>> Read(BlockKey key) const;
 
   /// Tiles with at least one block whose column touches the range (everything: no range), in key order.
-  virtual absl::StatusOr<std::vector<TileKey>> Tiles(const std::optional<BlockRange>& range) const = 0;
+  absl::StatusOr<std::vector<TileKey>> Tiles(const std::optional<BlockRange>& range) const;
 
   /// Keys of the blocks of a tile, in order.
-  virtual absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const = 0;
+  absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const;
+
+ private:
+  std::unique_ptr<const State> state_;
 };
 
 /// What one commit did: the history of a map is the sequence of these.
@@ -75,45 +86,51 @@ struct CommitRecord {
 struct CommitRequest {
   std::string session;
   uint64_t base_epoch = 0;
-  uint64_t lease_fence = 0;               ///< of the session's job lease; the commit fails if it has moved on
+  uint64_t lease_fence = 0;               ///< of the session's lease, which must not move on; 0: nobody may hold one
   std::optional<Eigen::Vector3d> origin;  ///< sets the map's origin in the same step; only on a map without one
   std::function<absl::StatusOr<std::vector<Block>>(const Snapshot& head)> blocks;
 };
 
 /// Versioned maps on an engine: immutable trees of blocks, a head a map, and the commit protocol of the design's
-/// section
-/// 4. Thread-safe.
-class MapStore {
+/// section 4. Thread-safe.
+class MapStore final {
  public:
-  virtual ~MapStore() = default;
+  struct State;
+  explicit MapStore(std::unique_ptr<State> state);
+  ~MapStore();
+  MapStore(const MapStore&) = delete;
+  MapStore& operator=(const MapStore&) = delete;
 
   /// ALREADY_EXISTS if the name is taken. Fills in incarnation.
-  virtual absl::StatusOr<MapRecord> Create(const MapRecord& record) = 0;
+  absl::StatusOr<MapRecord> Create(const MapRecord& record);
   /// NOT_FOUND.
-  virtual absl::StatusOr<MapRecord> Find(std::string_view name) const = 0;
+  absl::StatusOr<MapRecord> Find(std::string_view name) const;
   /// By name, after `after` (empty: from the first), at most `limit`.
-  virtual absl::StatusOr<std::vector<MapRecord>> List(std::string_view after, size_t limit) const = 0;
+  absl::StatusOr<std::vector<MapRecord>> List(std::string_view after, size_t limit) const;
   /// Deletes the map and everything in it; snapshots open on it may fail afterwards. NOT_FOUND.
-  virtual absl::Status Delete(std::string_view name) = 0;
+  absl::Status Delete(std::string_view name);
 
   /// The newest epoch, or a given one: NOT_FOUND if there is no such map or it never had the epoch, FAILED_PRECONDITION
   /// (with the oldest one kept in the message) if that epoch is collected.
-  virtual absl::StatusOr<std::unique_ptr<Snapshot>> Open(std::string_view map,
-                                                         std::optional<uint64_t> epoch = {}) const = 0;
+  absl::StatusOr<std::unique_ptr<Snapshot>> Open(std::string_view map, std::optional<uint64_t> epoch = {}) const;
 
   /// Commits exactly once: if the session is applied already, gives the record of then and calls nothing. ABORTED if
   /// the lease moved on or the map was deleted meanwhile; errors of `blocks` are passed on. On any error nothing of it
   /// is in the map.
-  virtual absl::StatusOr<CommitRecord> Commit(std::string_view map, const CommitRequest& request) = 0;
+  absl::StatusOr<CommitRecord> Commit(std::string_view map, const CommitRequest& request);
 
   /// The record of a session's commit, if it is applied.
-  virtual absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map,
-                                                                 std::string_view session) const = 0;
+  absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map, std::string_view session) const;
+
+ private:
+  std::unique_ptr<State> state_;
 };
 
 struct MapStoreOptions {
   size_t block_cache_bytes = size_t{256} << 20;  ///< decoded blocks and tree nodes kept in memory
   double intent_seconds = 600;                   ///< after which an unfinished attempt may be collected
+  double pin_seconds = 60;                       ///< how long the epochs in use outlive this process if it dies
+  Clock now = SystemSeconds;
 };
 
 /// `engine` outlives the store.

@@ -59,45 +59,50 @@ struct StagedScan {
 
 /// Sessions and their staged scans on an engine. Thread-safe; changes of one session's record are compare-and-set, so
 /// that two writers cannot both believe they won (the loser gets ABORTED).
-class SessionStore {
+class SessionStore final {
  public:
-  virtual ~SessionStore() = default;
+  /// `engine` outlives it.
+  explicit SessionStore(Engine& engine);
 
   /// Makes the session in state uploading, or gives the one that exists with the same content. ALREADY_EXISTS, naming
   /// the first difference, if its scans differ.
-  virtual absl::StatusOr<SessionRecord> Begin(const SessionRecord& session) = 0;
+  absl::StatusOr<SessionRecord> Begin(const SessionRecord& session);
   /// NOT_FOUND.
-  virtual absl::StatusOr<SessionRecord> Find(std::string_view map, std::string_view id) const = 0;
+  absl::StatusOr<SessionRecord> Find(std::string_view map, std::string_view id) const;
   /// By creation time then id, after `after` (an opaque position from the last call, empty: from the first).
   struct Page {
     std::vector<SessionRecord> sessions;
     std::string next;  ///< empty when there is no more
   };
-  virtual absl::StatusOr<Page> List(std::string_view map, std::string_view after, size_t limit) const = 0;
+  absl::StatusOr<Page> List(std::string_view map, std::string_view after, size_t limit) const;
   /// Sessions of any map in state queued or running, oldest first: what a starting daemon goes on with.
-  virtual absl::StatusOr<std::vector<SessionRecord>> Unfinished() const = 0;
+  absl::StatusOr<std::vector<SessionRecord>> Unfinished() const;
 
   /// Stages scans [first, first + scans.size()), durably when it returns, and moves durable_scans. OUT_OF_RANGE if
   /// `first` is not durable_scans, FAILED_PRECONDITION if the session is not uploading.
-  virtual absl::Status AppendScans(std::string_view map, std::string_view id, uint32_t first,
-                                   std::span<const StagedScan> scans) = 0;
+  absl::Status AppendScans(std::string_view map, std::string_view id, uint32_t first,
+                           std::span<const StagedScan> scans);
   /// One staged scan. DATA_LOSS if it is damaged.
-  virtual absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const = 0;
+  absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const;
 
-  /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise.
-  virtual absl::Status Update(const SessionRecord& session, SessionState expected) = 0;
+  /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
+  /// itself is not taken from `session`: content, durable_scans, scans_deleted, created.
+  absl::Status Update(const SessionRecord& session, SessionState expected);
 
   /// Aligned poses, one a scan, durable when it returns.
-  virtual absl::Status WritePoses(std::string_view map, std::string_view id, std::span<const Pose> poses) = 0;
+  absl::Status WritePoses(std::string_view map, std::string_view id, std::span<const Pose> poses);
   /// NOT_FOUND before they are written.
-  virtual absl::StatusOr<std::vector<Pose>> ReadPoses(std::string_view map, std::string_view id) const = 0;
+  absl::StatusOr<std::vector<Pose>> ReadPoses(std::string_view map, std::string_view id) const;
 
   /// Deletes the staged scans and marks the record.
-  virtual absl::Status DeleteScans(std::string_view map, std::string_view id) = 0;
+  absl::Status DeleteScans(std::string_view map, std::string_view id);
   /// Deletes the session whole. FAILED_PRECONDITION while it is queued or running.
-  virtual absl::Status Delete(std::string_view map, std::string_view id) = 0;
+  absl::Status Delete(std::string_view map, std::string_view id);
   /// Deletes every session of a map, in any state.
-  virtual absl::Status DeleteAll(std::string_view map) = 0;
+  absl::Status DeleteAll(std::string_view map);
+
+ private:
+  Engine& engine_;
 };
 
 /// `engine` outlives the store.

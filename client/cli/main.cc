@@ -23,7 +23,6 @@ int Run(int argc, char** argv) {
   CLI::App& app = line.app;
   app.name("mapkeep");
   app.set_version_flag("--version", "mapkeep " MAPKEEP_VERSION);
-  app.footer(kExamples);
   app.fallthrough();  // global options may also stand behind the command
   app.require_subcommand(1);
   app.add_option("--server", line.options.server, "Address of mapkeepd")
@@ -36,7 +35,9 @@ int Run(int argc, char** argv) {
   AddExportCommand(line);
   AddQueryCommand(line);
   AddCleanCommand(line);
+  AddPictureCommand(line);
   AddSimulateCommand(line);
+  app.footer(kExamples);  // last, for commands inherit what is set when they are added
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -16,6 +16,9 @@
 namespace mapkeep {
 namespace {
 
+constexpr double kSmallestVoxel = 0.05;  // metres
+constexpr double kLargestVoxel = 1.0;
+
 struct CreateArguments {
   NewMap map;
   std::string origin;  ///< empty: not given
@@ -44,6 +47,10 @@ void PrintMap(const MapInfo& map) {
 }
 
 ExitCode Create(const GlobalOptions& options, CreateArguments arguments) {
+  if (!(arguments.map.voxel_size >= kSmallestVoxel && arguments.map.voxel_size <= kLargestVoxel)) {
+    return BadInput(absl::InvalidArgumentError(absl::StrFormat(
+        "--voxel-size %g: expected %g to %g metres", arguments.map.voxel_size, kSmallestVoxel, kLargestVoxel)));
+  }
   if (!arguments.origin.empty()) {
     absl::StatusOr<Eigen::Vector3d> origin = ParsePoint("--origin", arguments.origin);
     if (!origin.ok()) return BadInput(origin.status());
@@ -110,7 +117,6 @@ void AddMapCommands(CommandLine& line) {
   create->add_option("NAME", arguments->map.name)->required()->check(NameValidator());
   create->add_option("--voxel-size", arguments->map.voxel_size, "Edge of a voxel, metres, 0.05 to 1")
       ->type_name("METRES")
-      ->check(CLI::Range(0.05, 1.0))
       ->capture_default_str();
   create
       ->add_option("--origin", arguments->origin,

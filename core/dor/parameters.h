@@ -2,13 +2,50 @@
 
 #include <absl/status/status.h>
 
+#include <cstdint>
+
 namespace mapkeep {
+
+/// Which rays of a scan are walked to count exposures.
+enum class ExposureEngine : uint8_t {
+  kFast,   ///< one ray a voxel that was hit: to the first point in it. Never sees through what kExact does not.
+  kExact,  ///< the ray of every point: the reference
+};
+
+/// How exposures are counted (E of eq. 4). The switches off and a margin of 0 are the paper's count.
+struct ExposureParameters {
+  ExposureEngine engine = ExposureEngine::kFast;
+  bool sub_voxels = true;  ///< a ray exposes a voxel only where the session has points in it, to a quarter of its edge
+  bool neighbour_hits = true;     ///< a voxel is not exposed by a scan that hits one beside it in its layer
+  double margin_by_range = 0.02;  ///< the last part of a ray exposes nothing: metres a metre of its length
+};
 
 /// Every parameter of dynamic object removal, with the symbol of the paper's section 3.3.
 struct DorParameters {
   double voxel_size = 0.2;            ///< metres
+  int window_radius = 0;              ///< k of eq. 3, scans to either side; 0: the whole session
   double eta = 1e-3;                  ///< eta of eq. 4, scans
   double stability_threshold = 0.35;  ///< R below it: a dynamic candidate
+
+  ExposureParameters exposure;
+
+  bool protect_ground = true;     ///< the ground is never removed for its R
+  double ground_slope = 0.9;      ///< tau_slope: |n_z| above it makes a voxel a ground anchor
+  double ground_tolerance = 0.2;  ///< delta_ground: voxels this close to the local ground height are ground, metres
+  double ground_cell = 0.5;       ///< edge of a cell of the height grid, metres
+  double ground_step = 0.3;       ///< ground continues into the next cell if its height differs by less, metres
+
+  bool cluster = true;               ///< decide on DBSCAN clusters (eq. 5), not on single voxels
+  double candidate_threshold = 0.5;  ///< R below it: takes part in the clusters
+  double cluster_radius = 0.5;       ///< epsilon of DBSCAN, metres
+  int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
+  double cluster_threshold = 0.4;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
+
+  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones
+  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the voxel's mean height go, metres
+
+  bool restore = true;  ///< give points of isolated dynamic voxels back with the probability of eq. 6
+  uint64_t seed = 0;    ///< of eq. 6, together with voxel, scan and point
 };
 
 /// INVALID_ARGUMENT naming the field, its value and its range.

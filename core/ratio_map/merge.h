@@ -16,12 +16,26 @@ struct MergeParameters {
   double alpha_max = 0.95;  ///< alpha_max
 };
 
-/// alpha_v of eq. 8 for N_S scans of evidence; the exponential comes from a table, so that every machine agrees.
+/// alpha_v of eq. 8 for N_S scans of evidence; the exponential comes from a table, so that every machine agrees (it is
+/// within 4e-5 of the true one). alpha_min if n_max is 0 and n_session is not.
 double DecayFactor(double n_session, double n_max, const MergeParameters& parameters);
 
 /// Eq. 9 and the field rules of the design's section 3 on one block: `old` is the map's block (empty voxels if it has
 /// none), `session` the session's voxels of that block, sorted. A voxel whose H falls below 1/4 scan is dropped; a
-/// voxel never hit is not made. The static flags are carried over, for the map filter to renew.
+/// voxel never hit is not made. The static flags are carried over, for the map filter to renew. A voxel of which the
+/// session says nothing stays as it is.
+///
+/// Per voxel, with w = alpha H_old: if H_S = 0 only H and E change. Otherwise mean, normal and intensity are averages
+/// with the weights w and H_S (opposite normals that cancel: the heavier one); ground is the session's; the mask is the
+/// session's if H_S >= w, else the union; first and last seen widen to the session's start.
+///
+/// What the stored counts lose. They are 16 bits of 1/8 scan, rounded half to even after eq. 9, so
+/// - each merge is off by up to 1/16 scan in H and in E, and with alpha = 0.95 a count of 1 1/4 scans or less no longer
+///   decays at all: it rounds back to itself;
+/// - a count beyond 8191 scans does not fit. Then H and E are both halved until they do: R stays (within rounding), but
+///   the voxel's history weighs half as much in later merges, so that it can be forgotten sooner, and N is no longer a
+///   number of scans;
+/// - a voxel below 1/4 scan is dropped with all it knew, its first_seen too.
 Block MergeBlock(const Block& old, std::span<const SessionVoxel> session, const SessionMap& of,
                  const MergeParameters& parameters);
 

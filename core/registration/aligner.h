@@ -27,7 +27,11 @@ struct AlignParameters {
   int min_inliers = 100;               ///< matched points below which a window says nothing
   double max_correction = 3.0;         ///< metres that refinement may move a window from its prior
   double max_rotation = 0.1;           ///< radians, likewise
+  double min_observability = 0.01;     ///< of Fit::observability: below it the surroundings leave a direction open
+  double coarse_robust_width = 0.5;    ///< metres off a surface at which a pair counts half in the first round
+  double fine_robust_width = 0.1;      ///< in the last
   int max_iterations = 30;             ///< of GICP, a round
+  double max_tilt = 5.0;               ///< degrees that z may be off the up direction in a session that founds a map
 };
 
 /// The registration target C_{t-1}: the map's static voxels near the session. Columns of equal length.
@@ -42,7 +46,9 @@ struct WindowResult {
   uint32_t first_scan = 0, last_scan = 0;  ///< inclusive
   double fitness = 0;                      ///< f_u: share of query points within tau_d of the target
   uint32_t inliers = 0;
-  double correction = 0;  ///< metres between the prior and the refined pose
+  double correction = 0;     ///< metres between the prior and the refined pose
+  double rotation = 0;       ///< radians between them
+  double observability = 0;  ///< how well its surroundings fix the weakest direction (core/registration/fitness.h)
   bool trusted = false;
 };
 

@@ -1,0 +1,44 @@
+#include "core/dor/parameters.h"
+
+#include <absl/strings/str_format.h>
+
+#include <array>
+
+namespace mapkeep {
+namespace {
+
+struct Range {
+  const char* name;
+  double value, low, high;
+};
+
+}  // namespace
+
+absl::Status CheckParameters(const DorParameters& p) {
+  const std::array ranges = {
+      Range{"voxel_size", p.voxel_size, 0.01, 10},
+      Range{"window_radius", static_cast<double>(p.window_radius), 0, 1e6},
+      Range{"eta", p.eta, 1e-9, 1},
+      Range{"stability_threshold", p.stability_threshold, 0, 1},
+      Range{"exposure.margin_by_range", p.exposure.margin_by_range, 0, 1},
+      Range{"ground_slope", p.ground_slope, 0, 1},
+      Range{"ground_tolerance", p.ground_tolerance, 0, 10},
+      Range{"ground_cell", p.ground_cell, 0.05, 100},
+      Range{"ground_step", p.ground_step, 0, 10},
+      Range{"candidate_threshold", p.candidate_threshold, 0, 1},
+      Range{"cluster_radius", p.cluster_radius, 0.01, 100},
+      Range{"cluster_min_neighbours", static_cast<double>(p.cluster_min_neighbours), 1, 1e6},
+      Range{"cluster_threshold", p.cluster_threshold, 0, 1},
+      Range{"ankle_tolerance", p.ankle_tolerance, 0, 10},
+  };
+  for (const Range& range : ranges) {
+    // Written so that NaN is refused as well.
+    if (!(range.value >= range.low && range.value <= range.high)) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("dor parameter %s is %g, expected %g to %g", range.name, range.value, range.low, range.high));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace mapkeep

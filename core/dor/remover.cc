@@ -1,0 +1,156 @@
+#include "core/dor/remover.h"
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+
+#include "core/dor/exposure.h"
+#include "core/dor/restoration.h"
+#include "core/dor/scan_loop.h"
+#include "core/dor/verdict.h"
+#include "core/voxels/voxel_grid.h"
+
+namespace mapkeep {
+namespace {
+
+// Where the passes over the scans end, as shares of the whole: collecting voxels, counting, labelling.
+constexpr double kCollected = 0.2;
+constexpr double kCounted = 0.8;
+
+// A submap Z of eq. 3, judged.
+struct Window {
+  VoxelGrid grid;
+  Verdict verdict;
+};
+
+struct PointCounts {
+  uint64_t removed = 0;
+  uint64_t restored = 0;
+};
+
+std::vector<PointLabel> LabelPoints(const Window& window, const Scan& scan, const Pose& pose,
+                                    const DorParameters& parameters, PointCounts& counts) {
+  std::vector<PointLabel> labels(scan.points.size(), PointLabel::kStatic);
+  std::vector<VoxelIndex> voxels;
+  if (!VoxelsOfScan(scan, pose, parameters.voxel_size, voxels).ok()) return labels;
+  for (size_t i = 0; i < labels.size(); ++i) {
+    const uint32_t id = window.grid.Find(voxels[i]);
+    if (id == kNoVoxel) continue;
+    switch (window.verdict.voxels[id]) {
+      case VoxelVerdict::kStatic:
+        break;
+      case VoxelVerdict::kGround:
+        labels[i] = PointLabel::kGround;
+        break;
+      case VoxelVerdict::kDynamic:
+        labels[i] = PointLabel::kDynamic;
+        break;
+      case VoxelVerdict::kAnkle: {
+        const double height = (pose * scan.points[i].cast<double>()).z();
+        const bool above = height > window.verdict.ankle_heights.at(id);
+        labels[i] = above ? PointLabel::kDynamic : PointLabel::kGround;
+        break;
+      }
+      case VoxelVerdict::kIsolated: {
+        const double probability = window.verdict.restore_probabilities.at(id);
+        const bool restored = IsRestored(probability, VoxelKeyOf(voxels[i]), i, parameters.seed);
+        labels[i] = restored ? PointLabel::kStatic : PointLabel::kDynamic;
+        counts.restored += restored;
+        break;
+      }
+    }
+    counts.removed += labels[i] == PointLabel::kDynamic;
+  }
+  return labels;
+}
+
+// The submap of scan `centre`: the session's scans at most k before or after it.
+absl::StatusOr<Window> JudgeWindow(const ScanSource& scans, std::span<const Pose> poses, size_t centre,
+                                   const DorParameters& parameters) {
+  const auto k = static_cast<size_t>(parameters.window_radius);
+  const size_t first = centre - std::min(centre, k);
+  const size_t count = std::min(scans.count, centre + k + 1) - first;
+  const ScanSource window_scans{count, [&](size_t index) { return scans.read(first + index); }};
+  const std::span<const Pose> window_poses = poses.subspan(first, count);
+  auto voxels = CollectVoxels(window_scans, window_poses, parameters.voxel_size, {}, {{}});
+  if (!voxels.ok()) return voxels.status();
+  const auto counts =
+      CountVoxels(window_scans, window_poses, parameters.voxel_size, *voxels, parameters.exposure, {{}});
+  if (!counts.ok()) return counts.status();
+  Verdict verdict = Judge(*voxels, *counts, window_poses, parameters);
+  return Window{std::move(voxels->grid), std::move(verdict)};
+}
+
+}  // namespace
+
+struct Removal::State {
+  std::vector<Pose> poses;
+  DorParameters parameters;
+  Evidence evidence;
+  RemovalReport report;
+  std::vector<Window> windows;  // one for the whole session, or one a scan
+
+  const Window& WindowOf(size_t scan) const { return windows[parameters.window_radius == 0 ? 0 : scan]; }
+};
+
+std::vector<PointLabel> Removal::Label(size_t index, const Scan& scan) const {
+  PointCounts unused;
+  return LabelPoints(state_->WindowOf(index), scan, state_->poses[index], state_->parameters, unused);
+}
+
+const Evidence& Removal::evidence() const { return state_->evidence; }
+
+const RemovalReport& Removal::report() const { return state_->report; }
+
+absl::StatusOr<Removal> RemoveDynamicObjects(const ScanSource& scans, std::span<const Pose> poses,
+                                             std::span<const VoxelKey> watched, const DorParameters& parameters,
+                                             const Progress& progress) {
+  if (auto status = CheckParameters(parameters); !status.ok()) return status;
+  if (auto status = CheckSession(scans, poses); !status.ok()) return status;
+  const double voxel_size = parameters.voxel_size;
+  auto voxels = CollectVoxels(scans, poses, voxel_size, watched, {progress, 0, kCollected});
+  if (!voxels.ok()) return voxels.status();
+  const auto counts =
+      CountVoxels(scans, poses, voxel_size, *voxels, parameters.exposure, {progress, kCollected, kCounted});
+  if (!counts.ok()) return counts.status();
+
+  auto state = std::make_shared<Removal::State>();
+  state->poses.assign(poses.begin(), poses.end());
+  state->parameters = parameters;
+  state->evidence = EvidenceOf(voxels->grid, *counts, voxel_size);
+  if (parameters.window_radius == 0) {
+    Verdict verdict = Judge(*voxels, *counts, poses, parameters);
+    state->windows.push_back({std::move(voxels->grid), std::move(verdict)});
+  } else {
+    for (size_t i = 0; i < scans.count; ++i) {
+      auto window = JudgeWindow(scans, poses, i, parameters);
+      if (!window.ok()) return window.status();
+      state->windows.push_back(*std::move(window));
+    }
+  }
+
+  RemovalReport& report = state->report;
+  for (const uint32_t hits : state->evidence.hits) report.voxels += hits > 0;
+  for (const Window& window : state->windows) {
+    for (const VoxelVerdict verdict : window.verdict.voxels) {
+      report.dynamic_voxels += verdict == VoxelVerdict::kDynamic || verdict == VoxelVerdict::kIsolated;
+      report.ground_voxels += verdict == VoxelVerdict::kGround || verdict == VoxelVerdict::kAnkle;
+    }
+  }
+  std::atomic<uint64_t> points = 0, removed = 0, restored = 0;
+  const auto count_points = [&](size_t index, const Scan& scan) {
+    PointCounts of_scan;
+    LabelPoints(state->WindowOf(index), scan, poses[index], parameters, of_scan);
+    points += scan.points.size();
+    removed += of_scan.removed;
+    restored += of_scan.restored;
+    return absl::OkStatus();
+  };
+  if (auto status = ForEachScan(scans, {progress, kCounted, 1}, count_points); !status.ok()) return status;
+  report.points = points;
+  report.removed_points = removed;
+  report.restored_points = restored;
+  return Removal(std::move(state));
+}
+
+}  // namespace mapkeep

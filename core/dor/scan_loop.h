@@ -1,0 +1,40 @@
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <functional>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/progress.h"
+#include "core/geometry/scan.h"
+#include "core/voxels/voxel_index.h"
+
+namespace mapkeep {
+
+/// The part [begin, end] of a longer operation's progress that one loop covers.
+struct ProgressPart {
+  Progress report;  ///< empty: nobody is listening
+  double begin = 0;
+  double end = 1;
+};
+
+/// INVALID_ARGUMENT if there is no scan, the poses do not match the scans, or a pose is not finite.
+absl::Status CheckSession(const ScanSource& scans, std::span<const Pose> poses);
+
+/// Calls work(index, scan) for every scan of the source, in parallel on the calling oneTBB arena. The status is that of
+/// the failing scan with the lowest index, named in its message, whatever the number of threads; CANCELLED when the
+/// progress says stop.
+absl::Status ForEachScan(const ScanSource& scans, const ProgressPart& progress,
+                         const std::function<absl::Status(size_t index, const Scan& scan)>& work);
+
+/// The voxel of every point of a scan under a pose. INVALID_ARGUMENT or OUT_OF_RANGE naming the point.
+absl::Status VoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& voxels);
+
+/// The same with a quarter of the voxel size: the sub-voxels 4 v .. 4 v + 3 are those of voxel v.
+absl::Status SubVoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size,
+                             std::vector<VoxelIndex>& sub_voxels);
+
+}  // namespace mapkeep

@@ -1,0 +1,181 @@
+#include "core/dor/verdict.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/dor/clusters.h"
+#include "core/dor/ground.h"
+#include "core/dor/restoration.h"
+#include "core/dor/surface.h"
+#include "core/voxels/block.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr int kMinAnchorSubVoxels = 6;  // occupied sub-voxels that a normal needs
+
+// The statistics of a grid, voxel by voxel.
+class Scene {
+ public:
+  Scene(const SessionVoxels& voxels, const VoxelCounts& counts, const DorParameters& parameters)
+      : grid_(voxels.grid), masks_(voxels.masks), counts_(counts), parameters_(parameters), indices_(grid_.size()) {
+    for (size_t brick = 0; brick < grid_.brick_count(); ++brick) {
+      grid_.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& v) { indices_[id] = v; });
+    }
+  }
+
+  size_t size() const { return indices_.size(); }
+  const VoxelIndex& index(uint32_t id) const { return indices_[id]; }
+  bool was_hit(uint32_t id) const { return counts_.hits[id] > 0; }
+  double R(uint32_t id) const { return Stability(counts_.hits[id], counts_.exposures[id], parameters_.eta); }
+
+  Eigen::Vector3d Centroid(uint32_t id) const {
+    return CornerOf(indices_[id], parameters_.voxel_size) + parameters_.voxel_size * MeanInVoxel(masks_[id]);
+  }
+
+  Surface OwnSurface(uint32_t id) const { return SurfaceOf(MomentsOf(masks_[id])); }
+
+  // Over the voxel and its 26 neighbours.
+  Moments MomentsAround(uint32_t id) const {
+    Moments moments;
+    ForEachAround(id, [&](uint32_t other, int dx, int dy, int dz) {
+      moments += MomentsOf(masks_[other]).Shifted({4 * dx, 4 * dy, 4 * dz});
+    });
+    return moments;
+  }
+
+  // Calls visit(id, dx, dy, dz) for the voxels of the 3x3x3 neighbourhood that the grid has, the voxel itself included.
+  template <typename Visit>
+  void ForEachAround(uint32_t id, const Visit& visit) const {
+    const VoxelIndex& at = indices_[id];
+    for (int dz = -1; dz <= 1; ++dz) {
+      for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          const uint32_t other = grid_.Find({at.x + dx, at.y + dy, at.z + dz});
+          if (other != kNoVoxel) visit(other, dx, dy, dz);
+        }
+      }
+    }
+  }
+
+  // Calls work(id) for all voxels, in parallel.
+  template <typename Work>
+  void ForEach(const Work& work) const {
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(size()), 1024), [&](const auto& range) {
+      for (uint32_t id = range.begin(); id != range.end(); ++id) work(id);
+    });
+  }
+
+  uint32_t Above(uint32_t id) const {
+    const VoxelIndex& at = indices_[id];
+    return grid_.Find({at.x, at.y, at.z + 1});
+  }
+
+ private:
+  const VoxelGrid& grid_;
+  const std::vector<uint64_t>& masks_;
+  const VoxelCounts& counts_;
+  const DorParameters& parameters_;
+  std::vector<VoxelIndex> indices_;
+};
+
+// Ground anchors by their normals, the local ground height, and the voxels close to it.
+void ProtectGround(const Scene& scene, std::span<const Pose> poses, const DorParameters& parameters,
+                   std::vector<VoxelVerdict>& verdicts) {
+  std::vector<char> is_anchor(scene.size());
+  scene.ForEach([&](uint32_t id) {
+    if (!scene.was_hit(id)) return;
+    const Moments moments = scene.MomentsAround(id);
+    is_anchor[id] = scene.R(id) >= parameters.stability_threshold && moments.count >= kMinAnchorSubVoxels &&
+                    std::abs(SurfaceOf(moments).normal.z()) > parameters.ground_slope;
+  });
+  std::vector<Eigen::Vector3d> anchors;
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (is_anchor[id]) anchors.push_back(scene.Centroid(id));
+  }
+  std::vector<Eigen::Vector3d> sensors;
+  for (const Pose& pose : poses) sensors.emplace_back(pose.translation());
+  const Ground ground(anchors, sensors, {.cell = parameters.ground_cell, .step = parameters.ground_step});
+  scene.ForEach([&](uint32_t id) {
+    if (!scene.was_hit(id)) return;
+    const Eigen::Vector3d centroid = scene.Centroid(id);
+    const auto height = ground.HeightNear(centroid);
+    if (height && std::abs(centroid.z() - *height) < parameters.ground_tolerance) verdicts[id] = VoxelVerdict::kGround;
+  });
+}
+
+// The voxels that are dynamic for their R alone.
+void JudgeVoxels(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  scene.ForEach([&](uint32_t id) {
+    if (verdicts[id] == VoxelVerdict::kStatic && scene.was_hit(id) && scene.R(id) < parameters.stability_threshold) {
+      verdicts[id] = VoxelVerdict::kDynamic;
+    }
+  });
+}
+
+// Eq. 5: candidates are judged together with what they hang together with.
+void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  std::vector<uint32_t> candidates;
+  std::vector<Eigen::Vector3d> centroids;
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdicts[id] == VoxelVerdict::kGround || !scene.was_hit(id)) continue;
+    if (scene.R(id) >= parameters.candidate_threshold) continue;
+    candidates.push_back(id);
+    centroids.push_back(scene.Centroid(id));
+  }
+  const Clusters clusters = ClusterPoints(centroids, parameters.cluster_radius, parameters.cluster_min_neighbours);
+  std::vector<double> sums(clusters.count), sizes(clusters.count);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (clusters.ids[i] == kNoise) continue;
+    sums[clusters.ids[i]] += scene.R(candidates[i]);
+    sizes[clusters.ids[i]] += 1;
+  }
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const int32_t cluster = clusters.ids[i];
+    if (cluster == kNoise) continue;  // keeps the verdict on its own R
+    verdicts[candidates[i]] =
+        sums[cluster] / sizes[cluster] < parameters.cluster_threshold ? VoxelVerdict::kDynamic : VoxelVerdict::kStatic;
+  }
+}
+
+void VerifyAnkles(const Scene& scene, const DorParameters& parameters, Verdict& verdict) {
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdict.voxels[id] != VoxelVerdict::kGround) continue;
+    const uint32_t above = scene.Above(id);
+    if (above == kNoVoxel || verdict.voxels[above] != VoxelVerdict::kDynamic) continue;
+    verdict.ankle_heights[id] = scene.Centroid(id).z() + parameters.ankle_tolerance;
+  }
+  for (const auto& [id, height] : verdict.ankle_heights) verdict.voxels[id] = VoxelVerdict::kAnkle;
+}
+
+// Eq. 6.
+void FindIsolated(const Scene& scene, Verdict& verdict) {
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdict.voxels[id] != VoxelVerdict::kDynamic) continue;
+    int dynamic = 0;
+    scene.ForEachAround(
+        id, [&](uint32_t other, int, int, int) { dynamic += verdict.voxels[other] == VoxelVerdict::kDynamic; });
+    if (dynamic > 1) continue;
+    verdict.restore_probabilities[id] = RestorationProbability(scene.R(id), scene.OwnSurface(id).planarity());
+  }
+  for (const auto& [id, probability] : verdict.restore_probabilities) verdict.voxels[id] = VoxelVerdict::kIsolated;
+}
+
+}  // namespace
+
+Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<const Pose> poses,
+              const DorParameters& parameters) {
+  const Scene scene(voxels, counts, parameters);
+  Verdict verdict{.voxels = std::vector<VoxelVerdict>(voxels.grid.size(), VoxelVerdict::kStatic)};
+  if (parameters.protect_ground) ProtectGround(scene, poses, parameters, verdict.voxels);
+  JudgeVoxels(scene, parameters, verdict.voxels);
+  if (parameters.cluster) JudgeClusters(scene, parameters, verdict.voxels);
+  if (parameters.verify_ankles) VerifyAnkles(scene, parameters, verdict);
+  if (parameters.restore) FindIsolated(scene, verdict);
+  return verdict;
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,115 @@
+#include "core/ratio_map/map_filter.h"
+
+#include <algorithm>
+#include <bitset>
+#include <cstddef>
+#include <memory>
+#include <span>
+
+#include "core/dor/clusters.h"
+
+namespace mapkeep {
+namespace {
+
+// Neighbouring voxels this far from the block's faces take part in its clusters: 1.6 m at 0.2 m, enough to tell an
+// object from a stray voxel, and far less work than the whole 26 blocks.
+constexpr int kMargin = 8;
+constexpr int kCentre = 13;
+
+double StabilityOf(const Voxel& voxel, const MapFilterParameters& parameters) {
+  return Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta);
+}
+
+bool IsCandidate(const Voxel& voxel, const MapFilterParameters& parameters) {
+  return !voxel.ground && StabilityOf(voxel, parameters) < parameters.candidate_threshold;
+}
+
+// Calls visit(voxel, coordinates from the centre block's corner) for every voxel of the neighbourhood that lies at most
+// `margin` voxels outside the centre block, in a fixed order.
+template <typename Visit>
+void ForEachWithin(const BlockNeighbourhood& blocks, int margin, const Visit& visit) {
+  for (int i = 0; i < 27; ++i) {
+    if (blocks[i] == nullptr) continue;
+    const VoxelIndex shift{(i % 3 - 1) * kBlockSize, (i / 3 % 3 - 1) * kBlockSize, (i / 9 - 1) * kBlockSize};
+    const auto inside = [margin](int32_t c) { return c >= -margin && c < kBlockSize + margin; };
+    for (const Voxel& voxel : blocks[i]->voxels) {
+      constexpr int kMask = kBlockSize - 1;
+      const VoxelIndex at{shift.x + (voxel.position & kMask), shift.y + (voxel.position >> kBlockBits & kMask),
+                          shift.z + (voxel.position >> (2 * kBlockBits))};
+      if (inside(at.x) && inside(at.y) && inside(at.z)) visit(voxel, at, i == kCentre);
+    }
+  }
+}
+
+// Which voxels of the centre block and one voxel around it are occupied.
+class Occupancy {
+ public:
+  explicit Occupancy(const BlockNeighbourhood& blocks)
+      : cells_(std::make_unique<std::bitset<kEdge * kEdge * kEdge>>()) {
+    ForEachWithin(blocks, 1, [&](const Voxel&, const VoxelIndex& at, bool) { cells_->set(CellOf(at)); });
+  }
+
+  int NeighboursOf(const VoxelIndex& voxel) const {
+    int count = 0;
+    for (const VoxelIndex& at : NeighbourhoodOf(voxel)) count += cells_->test(CellOf(at)) ? 1 : 0;
+    return count - 1;  // the voxel itself
+  }
+
+ private:
+  static constexpr size_t kEdge = kBlockSize + 2;
+  static size_t CellOf(const VoxelIndex& at) {
+    const auto shifted = [](int32_t c) { return static_cast<size_t>(c + 1); };
+    return shifted(at.x) + kEdge * (shifted(at.y) + kEdge * shifted(at.z));
+  }
+
+  std::unique_ptr<std::bitset<kEdge * kEdge * kEdge>> cells_;
+};
+
+// Eq. 5 over the candidates near the block: for each candidate of the centre block, in its order, whether it goes. One
+// that belongs to no cluster is judged by its own R.
+std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<double> stabilities;
+  std::vector<uint32_t> of_centre;
+  ForEachWithin(blocks, kMargin, [&](const Voxel& voxel, const VoxelIndex& at, bool centre) {
+    if (!IsCandidate(voxel, parameters)) return;
+    if (centre) of_centre.push_back(static_cast<uint32_t>(points.size()));
+    const Eigen::Vector3d inside(voxel.mean[0] + 0.5, voxel.mean[1] + 0.5, voxel.mean[2] + 0.5);
+    points.push_back((Eigen::Vector3d(at.x, at.y, at.z) + inside / 256) * parameters.voxel_size);
+    stabilities.push_back(StabilityOf(voxel, parameters));
+  });
+  const Clusters clusters = ClusterPoints(points, parameters.cluster_radius, parameters.cluster_min_neighbours);
+  std::vector<double> sums(clusters.count);
+  std::vector<int> counts(clusters.count);
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (clusters.ids[i] == kNoise) continue;
+    sums[clusters.ids[i]] += stabilities[i];
+    ++counts[clusters.ids[i]];
+  }
+  std::vector<bool> dynamic;
+  dynamic.reserve(of_centre.size());
+  for (const uint32_t i : of_centre) {
+    const int32_t id = clusters.ids[i];
+    dynamic.push_back(id == kNoise ? stabilities[i] < parameters.stability_threshold
+                                   : sums[id] / counts[id] < parameters.cluster_threshold);
+  }
+  return dynamic;
+}
+
+}  // namespace
+
+std::vector<bool> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
+  const std::vector<bool> dynamic = DynamicCandidates(blocks, parameters);
+  const Occupancy occupancy(blocks);
+  std::vector<bool> is_static;
+  is_static.reserve(blocks[kCentre]->voxels.size());
+  size_t next_candidate = 0;
+  ForEachWithin(blocks, 0, [&](const Voxel& voxel, const VoxelIndex& at, bool) {
+    const bool gone = IsCandidate(voxel, parameters) && dynamic[next_candidate++];
+    const bool isolated = !voxel.ground && occupancy.NeighboursOf(at) < parameters.isolated_min_neighbours;
+    is_static.push_back(!gone && !isolated);
+  });
+  return is_static;
+}
+
+}  // namespace mapkeep

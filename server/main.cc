@@ -1,0 +1,51 @@
+#include <pthread.h>
+
+#include <csignal>
+#include <cstdio>
+#include <string>
+#include <variant>
+
+#include "server/command_line.h"
+#include "server/daemon.h"
+#include "server/log.h"
+
+namespace {
+
+constexpr int kCannotServe = 1;
+constexpr int kBadConfiguration = 2;
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto command = mapkeep::ReadCommandLine(argc, argv);
+  if (!command.ok()) {
+    std::fprintf(stderr, "mapkeepd: %s\n", std::string(command.status().message()).c_str());
+    return kBadConfiguration;
+  }
+  if (const auto* leave = std::get_if<mapkeep::PrintAndLeave>(&*command)) {
+    std::fputs(leave->text.c_str(), stdout);
+    return 0;
+  }
+  const auto& config = std::get<mapkeep::Config>(*command);
+  mapkeep::StartLogging(config.log_format);
+
+  // Blocked in every thread that starts from here on, and waited for in this one.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+
+  auto daemon = mapkeep::Daemon::Start(config);
+  if (!daemon.ok()) {
+    mapkeep::LogError("cannot serve", {{"why", std::string(daemon.status().message())}});
+    return kCannotServe;
+  }
+  int signal = 0;
+  sigwait(&signals, &signal);
+  mapkeep::LogInfo("signal", {{"number", signal}});
+  // Whoever asks a second time does not want to wait for good order.
+  pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  (*daemon)->Stop();
+  return 0;
+}

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+namespace mapkeep {
+
+/// Why a job has to end early.
+enum class StopReason {
+  kNone,
+  kHandBack,    ///< the daemon ends: the session stays unfinished and goes on at the next start
+  kMapDeleted,  ///< there is nothing left to work for
+  kLeaseLost,   ///< another daemon has it now
+};
+
+/// A session that waits for the pipeline or is at work there.
+struct Job {
+  std::string map, session;
+  bool resumed = false;  ///< was at work when a daemon ended: goes first
+  double created = 0;    ///< of the session, seconds since 1970 (UTC)
+  std::atomic<StopReason> stop = StopReason::kNone;
+
+  Job(std::string map_name, std::string session_id, bool was_running, double session_created)
+      : map(std::move(map_name)), session(std::move(session_id)), resumed(was_running), created(session_created) {}
+};
+
+/// Sessions to be merged, one at a time a map: two of one map would only race for its head, and the loser would merge
+/// again. Those that a daemon had begun come first, then the one begun by its robot longest ago, so that a restart
+/// finds the same order. Thread-safe.
+class JobQueue {
+ public:
+  /// Does nothing if the session is waiting or at work already, or if the queue is closed.
+  void Push(std::string map, std::string session, bool resumed, double created);
+
+  /// The next job of a map that has none at work; waits for one. nullptr once the queue is closed.
+  std::shared_ptr<Job> Take();
+
+  /// The job is over: the next of its map may be taken.
+  void Done(const Job& job);
+
+  /// Drops the map's waiting jobs, stops the one at work and waits until it is done.
+  void StopMap(std::string_view map, StopReason reason);
+
+  /// Take gives nothing from now on; jobs at work are told to stop for `reason`. Does not wait.
+  void Close(StopReason reason);
+
+ private:
+  using Order = std::tuple<bool, double, std::string, std::string>;  // resumed ones first, then by age
+
+  static Order OrderOf(const Job& job) { return {!job.resumed, job.created, job.map, job.session}; }
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool closed_ = false;
+  std::map<Order, std::shared_ptr<Job>> waiting_;
+  std::map<std::string, std::shared_ptr<Job>, std::less<>> at_work_;  // by map
+  std::set<std::pair<std::string, std::string>> known_;               // map and session of both
+};
+
+}  // namespace mapkeep

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <cstdint>
+
+#include "core/geometry/progress.h"
+#include "server/config.h"
+#include "server/pipeline/job_queue.h"
+#include "server/pipeline/session_feed.h"
+#include "storage/leases.h"
+#include "storage/map_store.h"
+#include "storage/session_store.h"
+
+namespace mapkeep {
+
+/// What the pipeline works with. All of it outlives the pipeline.
+struct PipelineStores {
+  MapStore& maps;
+  SessionStore& sessions;
+  Leases& leases;
+  SessionFeed& feed;
+};
+
+/// Takes one session through all stages on the calling oneTBB arena and writes its end (committed, refused, failed)
+/// into its record. Safe to run again at any point where an earlier run was cut off: what is committed is found and
+/// only concluded. CANCELLED if `job` was told to stop, ABORTED if the lease moved on: then the record is left as it
+/// is. `fence` is that of the job's lease.
+absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence);
+
+/// Minutes since 2000-01-01 UTC of seconds since 1970; 0 for what came before.
+uint32_t MinutesSince2000(double seconds);
+
+}  // namespace mapkeep

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <shared_mutex>
+
+#include "server/config.h"
+#include "server/pipeline/pipeline.h"
+#include "server/pipeline/session_feed.h"
+#include "server/work_pool.h"
+#include "storage/map_store.h"
+#include "storage/session_store.h"
+
+namespace mapkeep {
+
+/// What the services work with; all of it outlives them.
+struct ServiceContext {
+  MapStore& maps;
+  SessionStore& sessions;
+  SessionFeed& feed;
+  Pipeline& pipeline;
+  WorkPool& pool;
+  const Config& config;
+  /// Held alone to make or delete a map, shared to begin a session, so that no session begins in a map that goes.
+  std::shared_mutex& map_lifetimes;
+};
+
+}  // namespace mapkeep

@@ -1,0 +1,201 @@
+#include "server/rpc/convert.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace mapkeep {
+namespace {
+
+constexpr double kSecondsBetween1970And2000 = 946684800;
+
+v1::SessionState ToProto(SessionState state) {
+  switch (state) {
+    case SessionState::kUploading:
+      return v1::SESSION_STATE_UPLOADING;
+    case SessionState::kQueued:
+      return v1::SESSION_STATE_QUEUED;
+    case SessionState::kRunning:
+      return v1::SESSION_STATE_RUNNING;
+    case SessionState::kCommitted:
+      return v1::SESSION_STATE_COMMITTED;
+    case SessionState::kRefused:
+      return v1::SESSION_STATE_REFUSED;
+    case SessionState::kFailed:
+      return v1::SESSION_STATE_FAILED;
+  }
+  return v1::SESSION_STATE_UNSPECIFIED;
+}
+
+v1::SessionReport ToProto(const SessionReport& report) {
+  v1::SessionReport proto;
+  for (const WindowResult& window : report.windows) {
+    v1::Window& to = *proto.add_windows();
+    to.set_first_scan(window.first_scan);
+    to.set_last_scan(window.last_scan);
+    to.set_fitness(window.fitness);
+    to.set_inliers(window.inliers);
+    to.set_correction(window.correction);
+    to.set_rotation(window.rotation);
+    to.set_observability(window.observability);
+    to.set_trusted(window.trusted);
+  }
+  for (const StageTime& stage : report.stages) {
+    v1::StageTime& to = *proto.add_stages();
+    to.set_stage(stage.stage);
+    to.set_seconds(stage.seconds);
+  }
+  proto.set_points(report.points);
+  proto.set_points_removed(report.points_removed);
+  proto.set_points_restored(report.points_restored);
+  proto.set_session_voxels(report.session_voxels);
+  proto.set_voxels_kept(report.voxels_kept);
+  proto.set_static_voxels(report.static_voxels);
+  proto.set_blocks_touched(report.blocks_touched);
+  proto.set_base_epoch(report.base_epoch);
+  proto.set_epoch(report.epoch);
+  return proto;
+}
+
+// The index of the first voxel whose centre is not below `coordinate`.
+int32_t FirstVoxelFrom(double coordinate, double voxel_size) {
+  const double index = std::ceil(coordinate / voxel_size - 0.5);
+  return static_cast<int32_t>(std::clamp<double>(index, -kVoxelLimit, kVoxelLimit));
+}
+
+}  // namespace
+
+v1::Map ToProto(const Snapshot& snapshot) {
+  const MapRecord& map = snapshot.map();
+  v1::Map proto;
+  proto.set_name(map.name);
+  proto.set_voxel_size(map.voxel_size);
+  if (map.origin) *proto.mutable_origin() = ToProto(*map.origin);
+  proto.set_crs(map.crs);
+  proto.set_epoch(snapshot.epoch());
+  proto.set_created(map.created);
+  const MapTotals& totals = snapshot.totals();
+  proto.set_voxels(totals.voxels);
+  proto.set_static_voxels(totals.static_voxels);
+  proto.set_blocks(totals.blocks);
+  proto.set_tiles(totals.tiles);
+  if (const auto bounds = snapshot.bounds()) {
+    const double block_size = map.voxel_size * kBlockSize;
+    const auto [first, last] = *bounds;
+    *proto.mutable_bounds()->mutable_min() = ToProto(CornerOf(first, block_size));
+    *proto.mutable_bounds()->mutable_max() = ToProto(CornerOf({last.x + 1, last.y + 1, last.z + 1}, block_size));
+  }
+  proto.set_sessions(snapshot.sessions());
+  return proto;
+}
+
+v1::Session ToProto(const SessionRecord& session, const std::optional<StageProgress>& progress) {
+  v1::Session proto;
+  proto.set_map(session.map);
+  proto.set_id(session.id);
+  proto.set_robot(session.robot);
+  proto.set_state(ToProto(session.state));
+  proto.set_scan_count(static_cast<uint32_t>(session.scan_crc32c.size()));
+  proto.set_durable_scans(session.durable_scans);
+  proto.set_keep_scans(session.keep_scans);
+  proto.set_created(session.created);
+  proto.set_ended(session.ended);
+  proto.set_start_time(session.start_time);
+  if (session.state == SessionState::kRunning && progress) {
+    proto.set_stage(progress->stage);
+    proto.set_stage_progress(std::clamp(progress->fraction, 0.0, 1.0));
+  }
+  proto.set_reason(session.reason);
+  if (session.state >= SessionState::kRunning) *proto.mutable_report() = ToProto(session.report);
+  return proto;
+}
+
+v1::Pose ToProto(const Pose& pose) {
+  const PoseRows rows = RowsOf(pose);
+  v1::Pose proto;
+  proto.mutable_rows()->Add(rows.begin(), rows.end());
+  return proto;
+}
+
+v1::Point ToProto(const Eigen::Vector3d& point) {
+  v1::Point proto;
+  proto.set_x(point.x());
+  proto.set_y(point.y());
+  proto.set_z(point.z());
+  return proto;
+}
+
+absl::StatusOr<Eigen::Vector3d> FromProto(const v1::Point& point, const std::string& what) {
+  const Eigen::Vector3d value(point.x(), point.y(), point.z());
+  if (!value.allFinite()) return absl::InvalidArgumentError(absl::StrCat(what, ": a coordinate is not finite"));
+  return value;
+}
+
+absl::StatusOr<Pose> FromProto(const v1::Pose& pose) {
+  if (pose.rows_size() != 12) {
+    return absl::InvalidArgumentError(absl::StrFormat("the pose has %d values, expected 12", pose.rows_size()));
+  }
+  return PoseFromRows(std::span<const double, 12>(pose.rows().data(), 12));
+}
+
+bool VoxelRange::Holds(const VoxelIndex& voxel) const {
+  return first.x <= voxel.x && voxel.x <= last.x && first.y <= voxel.y && voxel.y <= last.y && first.z <= voxel.z &&
+         voxel.z <= last.z;
+}
+
+bool VoxelRange::HasVoxels() const { return first.x <= last.x && first.y <= last.y && first.z <= last.z; }
+
+BlockRange VoxelRange::Blocks() const { return {BlockOf(first), BlockOf(last)}; }
+
+absl::StatusOr<VoxelRange> FromProto(const v1::Box& box, double voxel_size) {
+  const auto min = FromProto(box.min(), "box min");
+  if (!min.ok()) return min.status();
+  const auto max = FromProto(box.max(), "box max");
+  if (!max.ok()) return max.status();
+  if (!(min->array() < max->array()).all()) {
+    return absl::InvalidArgumentError("box: expected every coordinate of min below that of max");
+  }
+  VoxelRange range;
+  range.first = {FirstVoxelFrom(min->x(), voxel_size), FirstVoxelFrom(min->y(), voxel_size),
+                 FirstVoxelFrom(min->z(), voxel_size)};
+  range.last = {FirstVoxelFrom(max->x(), voxel_size) - 1, FirstVoxelFrom(max->y(), voxel_size) - 1,
+                FirstVoxelFrom(max->z(), voxel_size) - 1};
+  return range;
+}
+
+std::optional<v1::VoxelBlock> ToProto(const Block& block, const std::optional<VoxelRange>& range, bool include_all) {
+  v1::VoxelBlock proto;
+  std::string flags, means, normals, intensities;
+  for (const Voxel& voxel : block.voxels) {
+    if (!include_all && !voxel.is_static) continue;
+    if (range && !range->Holds(VoxelIndexOf(VoxelKeyOf(block.key, voxel.position)))) continue;
+    proto.add_positions(voxel.position);
+    proto.add_hits(voxel.hits);
+    proto.add_exposures(voxel.exposures);
+    flags.push_back(static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0)));
+    means.append(voxel.mean.begin(), voxel.mean.end());
+    normals.append(voxel.normal.begin(), voxel.normal.end());
+    intensities.push_back(static_cast<char>(voxel.intensity));
+    proto.add_masks(voxel.mask);
+    proto.add_first_seen(voxel.first_seen);
+    proto.add_last_seen(voxel.last_seen);
+  }
+  if (proto.positions().empty()) return {};
+  const VoxelIndex index = BlockIndexOf(block.key);
+  proto.set_x(index.x);
+  proto.set_y(index.y);
+  proto.set_z(index.z);
+  proto.set_flags(std::move(flags));
+  proto.set_means(std::move(means));
+  proto.set_normals(std::move(normals));
+  proto.set_intensities(std::move(intensities));
+  return proto;
+}
+
+double SecondsSince1970(uint32_t minutes_since_2000) { return kSecondsBetween1970And2000 + 60.0 * minutes_since_2000; }
+
+}  // namespace mapkeep

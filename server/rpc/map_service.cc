@@ -1,0 +1,144 @@
+#include "server/rpc/map_service.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <algorithm>
+#include <mutex>
+#include <string>
+
+#include "core/voxels/block.h"
+#include "server/log.h"
+#include "server/names.h"
+#include "server/rpc/answer.h"
+#include "server/rpc/convert.h"
+#include "server/rpc/paging.h"
+#include "storage/clock.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr double kDefaultVoxelSize = 0.2, kSmallestVoxelSize = 0.05, kLargestVoxelSize = 1.0;  // metres
+
+}  // namespace
+
+grpc::ServerUnaryReactor* MapService::CreateMap(grpc::CallbackServerContext* call, const v1::CreateMapRequest* request,
+                                                v1::CreateMapResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return Create(*request, *response); });
+}
+
+grpc::ServerUnaryReactor* MapService::GetMap(grpc::CallbackServerContext* call, const v1::GetMapRequest* request,
+                                             v1::GetMapResponse* response) {
+  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+    if (absl::Status status = CheckName("map name", request->name()); !status.ok()) return status;
+    const auto snapshot = context_.maps.Open(request->name());
+    if (!snapshot.ok()) return snapshot.status();
+    *response->mutable_map() = ToProto(**snapshot);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* MapService::ListMaps(grpc::CallbackServerContext* call, const v1::ListMapsRequest* request,
+                                               v1::ListMapsResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return List(*request, *response); });
+}
+
+grpc::ServerUnaryReactor* MapService::DeleteMap(grpc::CallbackServerContext* call, const v1::DeleteMapRequest* request,
+                                                v1::DeleteMapResponse*) {
+  return Answer(call, context_.pool, [=, this] { return Delete(*request); });
+}
+
+grpc::ServerUnaryReactor* MapService::QueryVoxel(grpc::CallbackServerContext* call,
+                                                 const v1::QueryVoxelRequest* request,
+                                                 v1::QueryVoxelResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return Query(*request, *response); });
+}
+
+absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response) {
+  if (absl::Status status = CheckName("map name", request.name()); !status.ok()) return status;
+  if (absl::Status status = CheckCrs(request.crs()); !status.ok()) return status;
+  MapRecord record{
+      .name = request.name(), .voxel_size = kDefaultVoxelSize, .crs = request.crs(), .created = SystemSeconds()};
+  if (request.voxel_size() != 0) record.voxel_size = request.voxel_size();
+  if (!(record.voxel_size >= kSmallestVoxelSize && record.voxel_size <= kLargestVoxelSize)) {
+    return absl::InvalidArgumentError(absl::StrFormat("voxel_size %g m: expected %g to %g m", record.voxel_size,
+                                                      kSmallestVoxelSize, kLargestVoxelSize));
+  }
+  if (request.has_origin()) {
+    const auto origin = FromProto(request.origin(), "origin");
+    if (!origin.ok()) return origin.status();
+    record.origin = *origin;
+  }
+  const std::unique_lock alone(context_.map_lifetimes);
+  if (absl::IsNotFound(context_.maps.Find(record.name).status())) {
+    // A daemon that ended while it deleted a map of this name may have left sessions of it.
+    if (absl::Status status = context_.sessions.DeleteAll(record.name); !status.ok()) return status;
+  }
+  if (absl::Status status = context_.maps.Create(record).status(); !status.ok()) return status;
+  LogInfo("map created", {{"map", record.name}, {"voxel_size", record.voxel_size}});
+  const auto snapshot = context_.maps.Open(record.name);
+  if (!snapshot.ok()) return snapshot.status();
+  *response.mutable_map() = ToProto(**snapshot);
+  return absl::OkStatus();
+}
+
+absl::Status MapService::List(const v1::ListMapsRequest& request, v1::ListMapsResponse& response) {
+  const auto after = PositionOf(request.page_token());
+  if (!after.ok()) return after.status();
+  const size_t size = PageSize(request.page_size());
+  const auto records = context_.maps.List(*after, size + 1);
+  if (!records.ok()) return records.status();
+  for (size_t i = 0; i < std::min(size, records->size()); ++i) {
+    const auto snapshot = context_.maps.Open((*records)[i].name);
+    if (absl::IsNotFound(snapshot.status())) continue;  // deleted since
+    if (!snapshot.ok()) return snapshot.status();
+    *response.add_maps() = ToProto(**snapshot);
+  }
+  if (records->size() > size) response.set_next_page_token(PageToken((*records)[size - 1].name));
+  return absl::OkStatus();
+}
+
+absl::Status MapService::Delete(const v1::DeleteMapRequest& request) {
+  const std::string& name = request.name();
+  if (absl::Status status = CheckName("map name", name); !status.ok()) return status;
+  const std::unique_lock alone(context_.map_lifetimes);
+  if (absl::Status status = context_.maps.Find(name).status(); !status.ok()) return status;
+  context_.pipeline.StopMap(name);
+  if (absl::Status status = context_.maps.Delete(name); !status.ok()) return status;
+  if (absl::Status status = context_.sessions.DeleteAll(name); !status.ok()) return status;
+  LogInfo("map deleted", {{"map", name}});
+  return absl::OkStatus();
+}
+
+absl::Status MapService::Query(const v1::QueryVoxelRequest& request, v1::QueryVoxelResponse& response) {
+  if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
+  const auto point = FromProto(request.point(), "point");
+  if (!point.ok()) return point.status();
+  const auto snapshot = context_.maps.Open(request.map());
+  if (!snapshot.ok()) return snapshot.status();
+  const double voxel_size = (*snapshot)->map().voxel_size;
+  const auto index = VoxelIndexOf(*point, voxel_size);
+  if (!index.ok()) return index.status();
+  const auto block = (*snapshot)->Read(BlockKeyOf(BlockOf(*index)));
+  if (!block.ok()) return block.status();
+  const Voxel* voxel = *block == nullptr ? nullptr : FindVoxel(**block, PositionInBlock(*index));
+  if (voxel == nullptr) {
+    return absl::NotFoundError(
+        absl::StrFormat("map %s has no voxel at (%g, %g, %g)", request.map(), point->x(), point->y(), point->z()));
+  }
+  const double hits = static_cast<double>(voxel->hits) / kCountScale;
+  const double exposures = static_cast<double>(voxel->exposures) / kCountScale;
+  response.set_epoch((*snapshot)->epoch());
+  response.set_hits(hits);
+  response.set_exposures(exposures);
+  response.set_stability(Stability(hits, exposures, context_.config.stages.filter.eta));
+  response.set_ground(voxel->ground);
+  response.set_is_static(voxel->is_static);
+  response.set_first_seen(SecondsSince1970(voxel->first_seen));
+  response.set_last_seen(SecondsSince1970(voxel->last_seen));
+  *response.mutable_mean() = ToProto(MeanOf(**block, *voxel, voxel_size));
+  response.set_intensity(voxel->intensity / 255.0);
+  return absl::OkStatus();
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "mapkeep/v1/map_service.grpc.pb.h"
+#include "server/rpc/context.h"
+
+namespace mapkeep {
+
+/// Maps: see proto/mapkeep/v1/map_service.proto.
+class MapService final : public v1::MapService::CallbackService {
+ public:
+  explicit MapService(const ServiceContext& context) : context_(context) {}
+
+  grpc::ServerUnaryReactor* CreateMap(grpc::CallbackServerContext* call, const v1::CreateMapRequest* request,
+                                      v1::CreateMapResponse* response) override;
+  grpc::ServerUnaryReactor* GetMap(grpc::CallbackServerContext* call, const v1::GetMapRequest* request,
+                                   v1::GetMapResponse* response) override;
+  grpc::ServerUnaryReactor* ListMaps(grpc::CallbackServerContext* call, const v1::ListMapsRequest* request,
+                                     v1::ListMapsResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteMap(grpc::CallbackServerContext* call, const v1::DeleteMapRequest* request,
+                                      v1::DeleteMapResponse* response) override;
+  grpc::ServerUnaryReactor* QueryVoxel(grpc::CallbackServerContext* call, const v1::QueryVoxelRequest* request,
+                                       v1::QueryVoxelResponse* response) override;
+
+ private:
+  absl::Status Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response);
+  absl::Status List(const v1::ListMapsRequest& request, v1::ListMapsResponse& response);
+  absl::Status Delete(const v1::DeleteMapRequest& request);
+  absl::Status Query(const v1::QueryVoxelRequest& request, v1::QueryVoxelResponse& response);
+
+  const ServiceContext context_;
+};
+
+}  // namespace mapkeep

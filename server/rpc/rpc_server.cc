@@ -1,0 +1,76 @@
+#include "server/rpc/rpc_server.h"
+
+#include <absl/strings/str_format.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+
+#include "server/rpc/map_service.h"
+#include "server/rpc/session_service.h"
+#include "server/rpc/tile_service.h"
+#include "server/rpc/upload_slots.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr int kLargestMessage = 8 << 20;
+
+}  // namespace
+
+struct RpcServer::Services {
+  explicit Services(const ServiceContext& given)
+      : context(given), maps(given), sessions(given, uploads), tiles(given) {}
+
+  const ServiceContext context;
+  UploadSlots uploads;
+  MapService maps;
+  SessionService sessions;
+  TileService tiles;
+  std::unique_ptr<grpc::Server> server;
+};
+
+RpcServer::RpcServer() = default;
+
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endpoint, const ServiceContext& context) {
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  std::unique_ptr<RpcServer> rpc(new RpcServer);
+  rpc->services_ = std::make_unique<Services>(context);
+  Services& services = *rpc->services_;
+
+  grpc::ServerBuilder builder;
+  builder.SetMaxReceiveMessageSize(kLargestMessage);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a taken port is an error, not a share
+  // Finds clients that vanished without a word, and bears clients that do the same.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
+  builder.AddListeningPort(ToString(endpoint), grpc::InsecureServerCredentials(), &rpc->port_);
+  builder.RegisterService(&services.maps);
+  builder.RegisterService(&services.sessions);
+  builder.RegisterService(&services.tiles);
+  services.server = builder.BuildAndStart();
+  if (services.server == nullptr || rpc->port_ == 0) {
+    return absl::UnavailableError(
+        absl::StrFormat("cannot listen on --listen %s: is the port taken?", ToString(endpoint)));
+  }
+  rpc->SetServing(false);
+  return rpc;
+}
+
+RpcServer::~RpcServer() {
+  if (services_ != nullptr && services_->server != nullptr) Shutdown(std::chrono::seconds(0));
+}
+
+void RpcServer::SetServing(bool serving) {
+  if (auto* health = services_->server->GetHealthCheckService()) health->SetServingStatus(serving);
+}
+
+void RpcServer::Shutdown(std::chrono::seconds patience) {
+  services_->uploads.Close();
+  services_->context.feed.Close();
+  services_->server->Shutdown(std::chrono::system_clock::now() + patience);
+  services_->server->Wait();
+}
+
+}  // namespace mapkeep

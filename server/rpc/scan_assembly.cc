@@ -1,0 +1,127 @@
+#include "server/rpc/scan_assembly.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <string_view>
+#include <utility>
+
+#include "core/checksum/crc32c.h"
+#include "core/voxels/voxel_index.h"
+#include "server/rpc/convert.h"
+
+namespace mapkeep {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "points and checksums are little-endian on the wire");
+
+constexpr size_t kBytesPerPoint = 4 * sizeof(float);
+constexpr uint32_t kMostPoints = 4'000'000;
+constexpr size_t kLargestChunk = 1 << 20;
+
+absl::Status At(uint32_t scan, const absl::Status& status) {
+  return {status.code(), absl::StrCat("scan ", scan, ": ", status.message())};
+}
+
+uint32_t Checksum(const RawScan& raw) {
+  uint32_t crc = Crc32c(raw.bytes);
+  const auto add = [&crc](const double* values, size_t count) {
+    crc = Crc32c({reinterpret_cast<const char*>(values), count * sizeof(double)}, crc);
+  };
+  const auto& rows = raw.header.pose().rows();
+  add(rows.data(), rows.size());
+  const double time = raw.header.time();
+  add(&time, 1);
+  return crc;
+}
+
+absl::Status CheckPoint(size_t index, const Eigen::Vector3f& point, float intensity, const Pose& pose,
+                        double voxel_size) {
+  if (!point.allFinite() || !std::isfinite(intensity)) {
+    return absl::InvalidArgumentError(absl::StrFormat("point %d is not finite", index));
+  }
+  if (!(intensity >= 0 && intensity <= 1)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("point %d has intensity %g, expected a value in [0, 1]", index, intensity));
+  }
+  const auto voxel = VoxelIndexOf(pose * point.cast<double>(), voxel_size);
+  if (voxel.ok()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("point ", index, ": ", voxel.status().message()));
+}
+
+}  // namespace
+
+absl::Status ScanAssembly::Begin(v1::ScanHeader header) {
+  if (scan_) return absl::InvalidArgumentError(absl::StrCat("a scan begins while ", Description()));
+  if (header.point_count() == 0 || header.point_count() > kMostPoints) {
+    return absl::InvalidArgumentError(absl::StrFormat("scan %d: point_count %d, expected 1 to %d", header.index(),
+                                                      header.point_count(), kMostPoints));
+  }
+  scan_ = RawScan{.header = std::move(header)};
+  return absl::OkStatus();
+}
+
+absl::Status ScanAssembly::Append(const std::string& chunk) {
+  if (!scan_) return absl::InvalidArgumentError("a chunk outside of a scan: a scan's header comes first");
+  if (chunk.size() > kLargestChunk) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("scan %d: a chunk of %d bytes, expected at most 1 MiB", scan_->header.index(), chunk.size()));
+  }
+  if (scan_->bytes.size() + chunk.size() > Wanted()) {
+    return absl::InvalidArgumentError(absl::StrFormat("scan %d: more than the %d bytes of its %d points",
+                                                      scan_->header.index(), Wanted(), scan_->header.point_count()));
+  }
+  scan_->bytes += chunk;
+  return absl::OkStatus();
+}
+
+RawScan ScanAssembly::Take() {
+  RawScan raw = *std::move(scan_);
+  scan_.reset();
+  return raw;
+}
+
+std::string ScanAssembly::Description() const {
+  return absl::StrFormat("scan %d has %d of %d bytes", scan_->header.index(), scan_->bytes.size(), Wanted());
+}
+
+size_t ScanAssembly::Wanted() const { return kBytesPerPoint * scan_->header.point_count(); }
+
+absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc32c, const MapRange& range) {
+  const v1::ScanHeader& header = raw.header;
+  const uint32_t scan = header.index();
+  if (const uint32_t found = Checksum(raw); found != header.crc32c()) {
+    return At(scan, absl::DataLossError(
+                        absl::StrFormat("its content has crc32c %08x, its header says %08x", found, header.crc32c())));
+  }
+  if (header.crc32c() != promised_crc32c) {
+    return At(scan, absl::InvalidArgumentError(absl::StrFormat("crc32c %08x, but BeginSession promised %08x",
+                                                               header.crc32c(), promised_crc32c)));
+  }
+  if (!std::isfinite(header.time()) || header.time() < 0) {
+    return At(scan, absl::InvalidArgumentError(absl::StrFormat("time %g, expected seconds since 1970", header.time())));
+  }
+  const auto pose = FromProto(header.pose());
+  if (!pose.ok()) return At(scan, pose.status());
+
+  StagedScan staged{.pose = *pose};
+  staged.scan.time = header.time();
+  staged.scan.points.resize(header.point_count());
+  staged.scan.intensities.resize(header.point_count());
+  Pose in_map = *pose;
+  in_map.translation() -= range.origin;
+  const char* bytes = raw.bytes.data();
+  for (size_t i = 0; i < header.point_count(); ++i, bytes += kBytesPerPoint) {
+    std::memcpy(staged.scan.points[i].data(), bytes, 3 * sizeof(float));
+    std::memcpy(&staged.scan.intensities[i], bytes + 3 * sizeof(float), sizeof(float));
+    const absl::Status status =
+        CheckPoint(i, staged.scan.points[i], staged.scan.intensities[i], in_map, range.voxel_size);
+    if (!status.ok()) return At(scan, status);
+  }
+  return staged;
+}
+
+}  // namespace mapkeep

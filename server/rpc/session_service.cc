@@ -1,0 +1,171 @@
+#include "server/rpc/session_service.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <algorithm>
+#include <mutex>
+#include <shared_mutex>
+#include <string>
+
+#include "server/log.h"
+#include "server/names.h"
+#include "server/rpc/answer.h"
+#include "server/rpc/convert.h"
+#include "server/rpc/paging.h"
+#include "server/rpc/sessions.h"
+#include "server/rpc/upload.h"
+#include "server/rpc/watch.h"
+#include "storage/clock.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr uint32_t kMostPoses = 10000;
+constexpr int kCommitTries = 10;
+
+v1::Session Described(const ServiceContext& context, const SessionRecord& session) {
+  return ToProto(session, context.feed.Progress({session.map, session.id}));
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* SessionService::BeginSession(grpc::CallbackServerContext* call,
+                                                       const v1::BeginSessionRequest* request,
+                                                       v1::BeginSessionResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return Begin(*request, *response); });
+}
+
+grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>* SessionService::UploadScans(
+    grpc::CallbackServerContext*) {
+  return NewUpload(context_, uploads_);
+}
+
+grpc::ServerUnaryReactor* SessionService::CommitSession(grpc::CallbackServerContext* call,
+                                                        const v1::CommitSessionRequest* request,
+                                                        v1::CommitSessionResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return Commit(*request, *response); });
+}
+
+grpc::ServerUnaryReactor* SessionService::GetSession(grpc::CallbackServerContext* call,
+                                                     const v1::GetSessionRequest* request,
+                                                     v1::GetSessionResponse* response) {
+  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+    const auto session = FindSession(context_, request->map(), request->id());
+    if (!session.ok()) return session.status();
+    *response->mutable_session() = Described(context_, *session);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* SessionService::ListSessions(grpc::CallbackServerContext* call,
+                                                       const v1::ListSessionsRequest* request,
+                                                       v1::ListSessionsResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return List(*request, *response); });
+}
+
+grpc::ServerWriteReactor<v1::WatchSessionResponse>* SessionService::WatchSession(
+    grpc::CallbackServerContext*, const v1::WatchSessionRequest* request) {
+  return NewWatch(context_, request->map(), request->id());
+}
+
+grpc::ServerUnaryReactor* SessionService::DeleteSession(grpc::CallbackServerContext* call,
+                                                        const v1::DeleteSessionRequest* request,
+                                                        v1::DeleteSessionResponse*) {
+  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+    const auto session = FindSession(context_, request->map(), request->id());
+    if (!session.ok()) return session.status();
+    if (absl::Status status = context_.sessions.Delete(request->map(), request->id()); !status.ok()) return status;
+    context_.feed.Changed({request->map(), request->id()});
+    LogInfo("session deleted", {{"map", request->map()}, {"session", request->id()}});
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* SessionService::ListScanPoses(grpc::CallbackServerContext* call,
+                                                        const v1::ListScanPosesRequest* request,
+                                                        v1::ListScanPosesResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return ListPoses(*request, *response); });
+}
+
+absl::Status SessionService::Begin(const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response) {
+  if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
+  if (absl::Status status = CheckName("session id", request.id()); !status.ok()) return status;
+  if (absl::Status status = CheckOptionalName("robot", request.robot()); !status.ok()) return status;
+  if (request.scan_crc32c().empty()) {
+    return absl::InvalidArgumentError("scan_crc32c: expected one checksum a scan, at least one");
+  }
+  const std::shared_lock map_stays(context_.map_lifetimes);
+  if (absl::Status status = context_.maps.Find(request.map()).status(); !status.ok()) return status;
+  SessionRecord record{.map = request.map(),
+                       .id = request.id(),
+                       .robot = request.robot(),
+                       .keep_scans = request.keep_scans(),
+                       .created = SystemSeconds()};
+  record.scan_crc32c.assign(request.scan_crc32c().begin(), request.scan_crc32c().end());
+  const auto session = context_.sessions.Begin(record);
+  if (!session.ok()) return session.status();
+  LogInfo("session begun", {{"map", session->map},
+                            {"session", session->id},
+                            {"robot", session->robot},
+                            {"scans", session->scan_crc32c.size()},
+                            {"durable", session->durable_scans}});
+  *response.mutable_session() = Described(context_, *session);
+  return absl::OkStatus();
+}
+
+absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response) {
+  // Each failed try means that somebody else moved the session on meanwhile.
+  for (int tries = 0; tries < kCommitTries; ++tries) {
+    auto session = FindSession(context_, request.map(), request.id());
+    if (!session.ok()) return session.status();
+    if (session->state == SessionState::kUploading) {
+      if (session->durable_scans != session->scan_crc32c.size()) {
+        return absl::FailedPreconditionError(absl::StrFormat("session %s has %d of %d scans", session->id,
+                                                             session->durable_scans, session->scan_crc32c.size()));
+      }
+      const auto first = context_.sessions.ReadScan(session->map, session->id, 0);
+      if (!first.ok()) return first.status();
+      session->start_time = first->scan.time > 0 ? first->scan.time : session->created;
+      session->state = SessionState::kQueued;
+      const absl::Status queued = context_.sessions.Update(*session, SessionState::kUploading);
+      if (absl::IsAborted(queued)) continue;
+      if (!queued.ok()) return queued;
+      LogInfo("session queued", {{"map", session->map}, {"session", session->id}});
+      context_.feed.Changed({session->map, session->id});
+    }
+    if (!HasEnded(session->state)) context_.pipeline.Push(*session);
+    *response.mutable_session() = Described(context_, *session);
+    return absl::OkStatus();
+  }
+  return absl::AbortedError(absl::StrCat("session ", request.id(), " keeps changing; try again"));
+}
+
+absl::Status SessionService::List(const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response) {
+  if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
+  if (absl::Status status = context_.maps.Find(request.map()).status(); !status.ok()) return status;
+  const auto after = PositionOf(request.page_token());
+  if (!after.ok()) return after.status();
+  const auto page = context_.sessions.List(request.map(), *after, PageSize(request.page_size()));
+  if (!page.ok()) return page.status();
+  for (const SessionRecord& session : page->sessions) *response.add_sessions() = Described(context_, session);
+  if (!page->next.empty()) response.set_next_page_token(PageToken(page->next));
+  return absl::OkStatus();
+}
+
+absl::Status SessionService::ListPoses(const v1::ListScanPosesRequest& request, v1::ListScanPosesResponse& response) {
+  const auto session = FindSession(context_, request.map(), request.id());
+  if (!session.ok()) return session.status();
+  if (session->state != SessionState::kCommitted) {
+    return absl::FailedPreconditionError(absl::StrCat("session ", session->id, " is not committed"));
+  }
+  const auto poses = context_.sessions.ReadPoses(request.map(), request.id());
+  if (!poses.ok()) return poses.status();
+  const size_t size = request.page_size() == 0 ? kMostPoses : std::min(request.page_size(), kMostPoses);
+  const size_t end = std::min(poses->size(), request.first() + size);
+  for (size_t i = request.first(); i < end; ++i) *response.add_poses() = ToProto((*poses)[i]);
+  response.set_scan_count(static_cast<uint32_t>(poses->size()));
+  return absl::OkStatus();
+}
+
+}  // namespace mapkeep

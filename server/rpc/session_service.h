@@ -1,0 +1,41 @@
+#pragma once
+
+#include "mapkeep/v1/session_service.grpc.pb.h"
+#include "server/rpc/context.h"
+#include "server/rpc/upload_slots.h"
+
+namespace mapkeep {
+
+/// Sessions: see proto/mapkeep/v1/session_service.proto.
+class SessionService final : public v1::SessionService::CallbackService {
+ public:
+  SessionService(const ServiceContext& context, UploadSlots& uploads) : context_(context), uploads_(uploads) {}
+
+  grpc::ServerUnaryReactor* BeginSession(grpc::CallbackServerContext* call, const v1::BeginSessionRequest* request,
+                                         v1::BeginSessionResponse* response) override;
+  grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>* UploadScans(
+      grpc::CallbackServerContext* call) override;
+  grpc::ServerUnaryReactor* CommitSession(grpc::CallbackServerContext* call, const v1::CommitSessionRequest* request,
+                                          v1::CommitSessionResponse* response) override;
+  grpc::ServerUnaryReactor* GetSession(grpc::CallbackServerContext* call, const v1::GetSessionRequest* request,
+                                       v1::GetSessionResponse* response) override;
+  grpc::ServerUnaryReactor* ListSessions(grpc::CallbackServerContext* call, const v1::ListSessionsRequest* request,
+                                         v1::ListSessionsResponse* response) override;
+  grpc::ServerWriteReactor<v1::WatchSessionResponse>* WatchSession(grpc::CallbackServerContext* call,
+                                                                   const v1::WatchSessionRequest* request) override;
+  grpc::ServerUnaryReactor* DeleteSession(grpc::CallbackServerContext* call, const v1::DeleteSessionRequest* request,
+                                          v1::DeleteSessionResponse* response) override;
+  grpc::ServerUnaryReactor* ListScanPoses(grpc::CallbackServerContext* call, const v1::ListScanPosesRequest* request,
+                                          v1::ListScanPosesResponse* response) override;
+
+ private:
+  absl::Status Begin(const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response);
+  absl::Status Commit(const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response);
+  absl::Status List(const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response);
+  absl::Status ListPoses(const v1::ListScanPosesRequest& request, v1::ListScanPosesResponse& response);
+
+  const ServiceContext context_;
+  UploadSlots& uploads_;
+};
+
+}  // namespace mapkeep

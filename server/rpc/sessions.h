@@ -1,0 +1,14 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+#include "server/rpc/context.h"
+
+namespace mapkeep {
+
+/// INVALID_ARGUMENT for a bad name, NOT_FOUND naming the map or the session that is missing.
+absl::StatusOr<SessionRecord> FindSession(const ServiceContext& context, const std::string& map, const std::string& id);
+
+}  // namespace mapkeep

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <utility>
+
+namespace mapkeep {
+
+/// The uploads under way, at most one a session. Thread-safe.
+class UploadSlots {
+ public:
+  using Key = std::pair<std::string, std::string>;  ///< map and session
+
+  /// False if the session has an upload under way. `stop` is called when the daemon ends; it must not block nor call
+  /// this.
+  bool Take(const Key& session, std::function<void()> stop) {
+    const std::lock_guard lock(mutex_);
+    if (!taken_.emplace(session, stop).second) return false;
+    if (closed_) stop();
+    return true;
+  }
+
+  /// `stop` is not running and will not be called once this returns.
+  void Free(const Key& session) {
+    const std::lock_guard lock(mutex_);
+    taken_.erase(session);
+  }
+
+  /// The daemon ends: stops every upload, also those that come later.
+  void Close() {
+    const std::lock_guard lock(mutex_);
+    closed_ = true;
+    for (const auto& [session, stop] : taken_) stop();
+  }
+
+ private:
+  std::mutex mutex_;
+  bool closed_ = false;
+  std::map<Key, std::function<void()>> taken_;
+};
+
+}  // namespace mapkeep

@@ -1,0 +1,305 @@
+#include "server/settings.h"
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_replace.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace mapkeep {
+namespace {
+
+template <typename T>
+using Field = T& (*)(Config&);
+
+template <typename T>
+T Read(Field<T> field, const Config& config) {
+  Config copy = config;
+  return field(copy);
+}
+
+std::optional<std::string> TextOf(const SettingValue& value) {
+  if (const auto* flag = std::get_if<FlagText>(&value)) return flag->text;
+  if (const auto* text = std::get_if<std::string>(&value)) return *text;
+  return {};
+}
+
+std::optional<int64_t> IntegerOf(const SettingValue& value) {
+  if (const auto* integer = std::get_if<int64_t>(&value)) return *integer;
+  int64_t parsed = 0;
+  const auto* flag = std::get_if<FlagText>(&value);
+  return flag != nullptr && absl::SimpleAtoi(flag->text, &parsed) ? std::optional(parsed) : std::nullopt;
+}
+
+std::optional<double> NumberOf(const SettingValue& value) {
+  if (const auto* number = std::get_if<double>(&value)) return *number;
+  if (const auto integer = IntegerOf(value)) return static_cast<double>(*integer);
+  double parsed = 0;
+  const auto* flag = std::get_if<FlagText>(&value);
+  return flag != nullptr && absl::SimpleAtod(flag->text, &parsed) ? std::optional(parsed) : std::nullopt;
+}
+
+std::optional<Endpoint> EndpointOf(std::string_view text) {
+  const size_t colon = text.rfind(':');
+  int port = 0;
+  if (colon == std::string_view::npos || !absl::SimpleAtoi(std::string(text.substr(colon + 1)), &port) || port < 0 ||
+      port > 65535) {
+    return {};
+  }
+  std::string_view host = text.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']') {
+    host = host.substr(1, host.size() - 2);
+  } else if (host.find(':') != std::string_view::npos) {
+    return {};
+  }
+  if (host.empty()) return {};
+  return Endpoint{std::string(host), port};
+}
+
+template <typename T>
+Setting IntegerIn(std::string name, Field<T> field, int64_t low, int64_t high, std::string about) {
+  return {std::move(name), absl::StrFormat("an integer from %d to %d", low, high), std::move(about),
+          [field](const Config& config) { return absl::StrCat(Read(field, config)); },
+          [field, low, high](Config& config, const SettingValue& value) {
+            const auto integer = IntegerOf(value);
+            if (!integer || *integer < low || *integer > high) return false;
+            field(config) = static_cast<T>(*integer);
+            return true;
+          }};
+}
+
+Setting Integer(std::string name, Field<int> field, int low, int high, std::string about) {
+  return IntegerIn<int>(std::move(name), field, low, high, std::move(about));
+}
+
+Setting Number(std::string name, Field<double> field, double low, double high, std::string about) {
+  return {std::move(name), absl::StrFormat("a number from %g to %g", low, high), std::move(about),
+          [field](const Config& config) { return absl::StrCat(Read(field, config)); },
+          [field, low, high](Config& config, const SettingValue& value) {
+            const auto number = NumberOf(value);
+            if (!number || !(*number >= low && *number <= high)) return false;
+            field(config) = *number;
+            return true;
+          }};
+}
+
+Setting Path(std::string name, Field<std::string> field, bool may_be_empty, std::string expects, std::string about) {
+  return {std::move(name), std::move(expects), std::move(about),
+          [field](const Config& config) { return Read(field, config); },
+          [field, may_be_empty](Config& config, const SettingValue& value) {
+            auto text = TextOf(value);
+            if (!text || (text->empty() && !may_be_empty)) return false;
+            field(config) = *std::move(text);
+            return true;
+          }};
+}
+
+Setting Address(std::string name, Field<Endpoint> field, bool may_be_off, std::string about) {
+  return {std::move(name), may_be_off ? "HOST:PORT, or nothing for off" : "HOST:PORT", std::move(about),
+          [field](const Config& config) { return ToString(Read(field, config)); },
+          [field, may_be_off](Config& config, const SettingValue& value) {
+            const auto text = TextOf(value);
+            if (!text) return false;
+            const auto endpoint = text->empty() && may_be_off ? Endpoint{} : EndpointOf(*text);
+            if (!endpoint) return false;
+            field(config) = *endpoint;
+            return true;
+          }};
+}
+
+Setting Boolean(std::string name, Field<bool> field, std::string about) {
+  return {std::move(name), "true or false", std::move(about),
+          [field](const Config& config) { return Read(field, config) ? "true" : "false"; },
+          [field](Config& config, const SettingValue& value) {
+            bool parsed = false;
+            const auto* flag = std::get_if<FlagText>(&value);
+            const auto* boolean = std::get_if<bool>(&value);
+            if (boolean == nullptr && (flag == nullptr || !absl::SimpleAtob(flag->text, &parsed))) return false;
+            field(config) = boolean != nullptr ? *boolean : parsed;
+            return true;
+          }};
+}
+
+Setting Engine(std::string about) {
+  return {"clean.exposure_engine", "fast or exact", std::move(about),
+          [](const Config& config) {
+            return config.stages.clean.exposure.engine == ExposureEngine::kExact ? "exact" : "fast";
+          },
+          [](Config& config, const SettingValue& value) {
+            const auto text = TextOf(value);
+            if (text != "fast" && text != "exact") return false;
+            config.stages.clean.exposure.engine = text == "exact" ? ExposureEngine::kExact : ExposureEngine::kFast;
+            return true;
+          }};
+}
+
+Setting Format(std::string about) {
+  return {"log_format", "text or json", std::move(about),
+          [](const Config& config) { return config.log_format == LogFormat::kJson ? "json" : "text"; },
+          [](Config& config, const SettingValue& value) {
+            const auto text = TextOf(value);
+            if (text != "text" && text != "json") return false;
+            config.log_format = text == "json" ? LogFormat::kJson : LogFormat::kText;
+            return true;
+          }};
+}
+
+// A field of the configuration as a captureless function, so that a row of the table stays one line.
+#define MAPKEEP_FIELD(path) \
+  [](Config & c) -> auto& { return c.path; }
+
+std::vector<Setting> MakeSettings() {
+  return {
+      Path("data", MAPKEEP_FIELD(data), false, "a directory", "Where maps and sessions are kept; made if absent"),
+      Address("listen", MAPKEEP_FIELD(listen), false, "gRPC; port 0 picks a free one"),
+      Address("admin", MAPKEEP_FIELD(admin), false, "HTTP /livez and /readyz, on threads of its own"),
+      Address("http", MAPKEEP_FIELD(http), true, "Pages and tiles over HTTP; not served by this version"),
+      Integer("threads", MAPKEEP_FIELD(threads), 0, 1024, "Threads of the pipeline's parallel loops; 0: all cores"),
+      Format("Form of the log lines on standard error"),
+      Path("ports_file", MAPKEEP_FIELD(ports_file), true, "a file, or nothing",
+           "Written as JSON once serving: the ports that were picked"),
+
+      Integer("limits.jobs", MAPKEEP_FIELD(limits.jobs), 1, 64, "Sessions at work at a time, each of another map"),
+      Integer("limits.storage_threads", MAPKEEP_FIELD(limits.storage_threads), 1, 256,
+              "Threads for calls that read or write the store"),
+      Integer("limits.upload_pending_mib", MAPKEEP_FIELD(limits.upload_pending_mib), 1, 1024,
+              "MiB of scans of one upload that are received but not durable yet; above it nothing more is read"),
+      Integer("limits.block_cache_mib", MAPKEEP_FIELD(limits.block_cache_mib), 1, 1 << 20,
+              "MiB of decoded blocks kept in memory"),
+      Integer("limits.lease_seconds", MAPKEEP_FIELD(limits.lease_seconds), 3, 3600,
+              "Seconds after which the job of a daemon that vanished may be taken over by another"),
+      Integer("limits.watch_seconds", MAPKEEP_FIELD(limits.watch_seconds), 1, 86400,
+              "Seconds after which WatchSession ends itself; the client watches again"),
+      Integer("limits.drain_seconds", MAPKEEP_FIELD(limits.drain_seconds), 0, 3600,
+              "Seconds between /readyz failing and the end of service; a few behind a load balancer"),
+      Integer("limits.shutdown_seconds", MAPKEEP_FIELD(limits.shutdown_seconds), 0, 3600,
+              "Seconds that open calls get to end"),
+
+      Integer("align.window_scans", MAPKEEP_FIELD(stages.align.window_scans), 1, 10000, "L: scans of a window"),
+      Number("align.window_travel", MAPKEEP_FIELD(stages.align.window_travel), 0.1, 10000,
+             "Metres of travel after which a window ends before L scans"),
+      Integer("align.window_stride", MAPKEEP_FIELD(stages.align.window_stride), 1, 10000,
+              "r: scans between the starts of windows"),
+      Number("align.source_voxel", MAPKEEP_FIELD(stages.align.source_voxel), 0.01, 10,
+             "Metres to which query submaps are thinned"),
+      Number("align.coarse_correspondence", MAPKEEP_FIELD(stages.align.coarse_correspondence), 0.01, 100,
+             "Metres: largest distance of a match in the first round"),
+      Number("align.fine_correspondence", MAPKEEP_FIELD(stages.align.fine_correspondence), 0.01, 100,
+             "Metres: likewise in the last round"),
+      Number("align.inlier_distance", MAPKEEP_FIELD(stages.align.inlier_distance), 0.01, 100, "tau_d, metres"),
+      Number("align.min_fitness", MAPKEEP_FIELD(stages.align.min_fitness), 0, 1, "tau_f, after refinement"),
+      Integer("align.min_inliers", MAPKEEP_FIELD(stages.align.min_inliers), 0, 1000000,
+              "Matched points below which a window says nothing"),
+      Number("align.max_correction", MAPKEEP_FIELD(stages.align.max_correction), 0, 1000,
+             "Metres that refinement may move a window from its prior"),
+      Number("align.max_rotation", MAPKEEP_FIELD(stages.align.max_rotation), 0, 3.2, "Radians, likewise"),
+      Number("align.min_observability", MAPKEEP_FIELD(stages.align.min_observability), 0, 1,
+             "Below it the surroundings leave a direction open, and the window is not trusted"),
+      Number("align.coarse_robust_width", MAPKEEP_FIELD(stages.align.coarse_robust_width), 0.001, 100,
+             "Metres off a surface at which a pair counts half in the first round"),
+      Number("align.fine_robust_width", MAPKEEP_FIELD(stages.align.fine_robust_width), 0.001, 100,
+             "Metres: likewise in the last round"),
+      Number("align.max_tilt", MAPKEEP_FIELD(stages.align.max_tilt), 0, 180,
+             "Degrees that z may be off the up direction in a session that founds a map"),
+      Integer("align.max_iterations", MAPKEEP_FIELD(stages.align.max_iterations), 1, 1000, "Iterations of a round"),
+
+      Number("clean.eta", MAPKEEP_FIELD(stages.clean.eta), 1e-9, 1, "eta of eq. 4, scans"),
+      Number("clean.stability_threshold", MAPKEEP_FIELD(stages.clean.stability_threshold), 0, 1,
+             "R below it: a dynamic candidate"),
+      Integer("clean.window_radius", MAPKEEP_FIELD(stages.clean.window_radius), 0, 1000000,
+              "k of eq. 3: scans to either side; 0: the whole session"),
+      Engine("Rays that are walked: one a voxel that was hit, or every point's"),
+      Boolean("clean.exposure_sub_voxels", MAPKEEP_FIELD(stages.clean.exposure.sub_voxels),
+              "A ray exposes a voxel only where the session has points in it, to a quarter of its edge"),
+      Boolean("clean.exposure_neighbour_hits", MAPKEEP_FIELD(stages.clean.exposure.neighbour_hits),
+              "A voxel is not exposed by a scan that hits one beside it in its layer"),
+      Number("clean.exposure_margin_by_range", MAPKEEP_FIELD(stages.clean.exposure.margin_by_range), 0, 1,
+             "The last part of a ray exposes nothing: metres a metre of its length"),
+      Boolean("clean.protect_ground", MAPKEEP_FIELD(stages.clean.protect_ground),
+              "The ground is never removed for its R"),
+      Number("clean.ground_slope", MAPKEEP_FIELD(stages.clean.ground_slope), 0, 1,
+             "tau_slope: |n_z| above it makes a voxel a ground anchor"),
+      Number("clean.ground_tolerance", MAPKEEP_FIELD(stages.clean.ground_tolerance), 0, 10,
+             "delta_ground: voxels this close to the local ground height are ground, metres"),
+      Number("clean.ground_cell", MAPKEEP_FIELD(stages.clean.ground_cell), 0.05, 100,
+             "Edge of a cell of the height grid, metres"),
+      Number("clean.ground_step", MAPKEEP_FIELD(stages.clean.ground_step), 0, 10,
+             "Ground goes on into the next cell if its height differs by less, metres"),
+      Boolean("clean.cluster", MAPKEEP_FIELD(stages.clean.cluster), "Decide on DBSCAN clusters (eq. 5), not voxels"),
+      Number("clean.candidate_threshold", MAPKEEP_FIELD(stages.clean.candidate_threshold), 0, 1,
+             "R below it: takes part in the clusters"),
+      Number("clean.cluster_radius", MAPKEEP_FIELD(stages.clean.cluster_radius), 0.01, 10, "epsilon of DBSCAN, metres"),
+      Integer("clean.cluster_min_neighbours", MAPKEEP_FIELD(stages.clean.cluster_min_neighbours), 1, 1000,
+              "N_min of DBSCAN"),
+      Number("clean.cluster_threshold", MAPKEEP_FIELD(stages.clean.cluster_threshold), 0, 1,
+             "tau_cluster: a cluster whose mean R is below it is dynamic"),
+      Boolean("clean.verify_ankles", MAPKEEP_FIELD(stages.clean.verify_ankles),
+              "Look for feet and wheels in ground voxels under dynamic ones"),
+      Number("clean.ankle_tolerance", MAPKEEP_FIELD(stages.clean.ankle_tolerance), 0, 10,
+             "delta_tol: their points this far above the voxel's mean height go, metres"),
+      Boolean("clean.restore", MAPKEEP_FIELD(stages.clean.restore),
+              "Give points of isolated dynamic voxels back with the probability of eq. 6"),
+      IntegerIn<uint64_t>("clean.seed", MAPKEEP_FIELD(stages.clean.seed), 0, 2147483647, "Seed of eq. 6"),
+
+      Number("merge.n_max_percentile", MAPKEEP_FIELD(stages.session_map.n_max_percentile), 0, 100,
+             "Percentile of N_S that is N_max of eq. 8; 100 is the paper's maximum"),
+      Number("merge.normal_radius_voxels", MAPKEEP_FIELD(stages.session_map.normal_radius_voxels), 1, 10,
+             "Neighbourhood of a voxel's normal, in voxel edges"),
+      Number("merge.gamma", MAPKEEP_FIELD(stages.merge.gamma), 0, 100, "gamma of eq. 8: how fast evidence decays"),
+      Number("merge.alpha_min", MAPKEEP_FIELD(stages.merge.alpha_min), 0, 1, "alpha_min of eq. 8"),
+      Number("merge.alpha_max", MAPKEEP_FIELD(stages.merge.alpha_max), 0, 1, "alpha_max of eq. 8"),
+
+      Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
+      Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,
+             "R below it: not static, unless ground"),
+      Number("filter.cluster_radius", MAPKEEP_FIELD(stages.filter.cluster_radius), 0.01, 6.4,
+             "epsilon of DBSCAN, metres"),
+      Integer("filter.cluster_min_neighbours", MAPKEEP_FIELD(stages.filter.cluster_min_neighbours), 1, 1000,
+              "N_min of DBSCAN"),
+      Number("filter.cluster_threshold", MAPKEEP_FIELD(stages.filter.cluster_threshold), 0, 1, "tau_cluster of eq. 5"),
+      Integer("filter.isolated_min_neighbours", MAPKEEP_FIELD(stages.filter.isolated_min_neighbours), 0, 26,
+              "Occupied neighbours below which a voxel is isolated noise"),
+  };
+}
+
+#undef MAPKEEP_FIELD
+
+}  // namespace
+
+std::string ToString(const Endpoint& endpoint) {
+  if (endpoint.host.empty()) return "";
+  const bool is_v6 = endpoint.host.find(':') != std::string::npos;
+  return absl::StrFormat(is_v6 ? "[%s]:%d" : "%s:%d", endpoint.host, endpoint.port);
+}
+
+const std::vector<Setting>& Settings() {
+  static const auto* const settings = new std::vector<Setting>(MakeSettings());
+  return *settings;
+}
+
+const Setting* FindSetting(std::string_view name) {
+  const auto found = std::ranges::find(Settings(), name, &Setting::name);
+  return found == Settings().end() ? nullptr : &*found;
+}
+
+std::string FlagOf(const Setting& setting) {
+  if (setting.name.find('.') != std::string::npos) return "";
+  return absl::StrCat("--", absl::StrReplaceAll(setting.name, {{"_", "-"}}));
+}
+
+std::string SettingsTable() {
+  std::string table = "| setting | default | expected | meaning |\n|---|---|---|---|\n";
+  const Config defaults;
+  for (const Setting& setting : Settings()) {
+    const std::string value = setting.show(defaults);
+    absl::StrAppendFormat(&table, "| `%s` | %s | %s | %s |\n", setting.name,
+                          value.empty() ? "" : absl::StrCat("`", value, "`"), setting.expects, setting.about);
+  }
+  return table;
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,67 @@
+#include "storage/map_values.h"
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "storage/block_codec.h"
+#include "storage/text.h"
+
+namespace mapkeep {
+namespace {
+
+/// A value that a tree names must be there.
+absl::StatusOr<std::string> ReadValue(const Engine& engine, uint64_t incarnation, const ValueName& name) {
+  absl::StatusOr<std::string> value = engine.GetValue(GroupOf(incarnation, name), KeyOf(name));
+  if (!absl::IsNotFound(value.status())) return value;
+  if (name.kind != ValueKind::kBlock) {
+    return absl::DataLossError(Text("tree node ", Hex(name.place), " is missing"));
+  }
+  const VoxelIndex block = BlockIndexOf(BlockKey{name.place});
+  return absl::DataLossError(Text("block (", block.x, ", ", block.y, ", ", block.z, ") is missing"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const Block>> MapValues::ReadBlock(const ValueName& name) const {
+  if (std::shared_ptr<const Block> cached = caches_.blocks.Find({incarnation_, name})) return cached;
+  const absl::StatusOr<std::string> value = ReadValue(engine_, incarnation_, name);
+  if (!value.ok()) return value.status();
+  absl::StatusOr<Block> block = DecodeBlock(*value, BlockKey{name.place});
+  if (!block.ok()) return block.status();
+  auto read = std::make_shared<const Block>(*std::move(block));
+  Remember(name, read);
+  return read;
+}
+
+absl::StatusOr<std::shared_ptr<const TreeNode>> MapValues::ReadNode(const ValueName& name) const {
+  if (std::shared_ptr<const TreeNode> cached = caches_.nodes.Find({incarnation_, name})) return cached;
+  const absl::StatusOr<std::string> value = ReadValue(engine_, incarnation_, name);
+  if (!value.ok()) return value.status();
+  absl::StatusOr<TreeNode> node = DecodeNode(*value, name);
+  if (!node.ok()) return node.status();
+  auto read = std::make_shared<const TreeNode>(*std::move(node));
+  Remember(name, read);
+  return read;
+}
+
+void MapValues::Remember(const ValueName& name, std::shared_ptr<const Block> block) const {
+  const size_t bytes = sizeof(Block) + block->voxels.capacity() * sizeof(Voxel);
+  caches_.blocks.Insert({incarnation_, name}, std::move(block), bytes);
+}
+
+void MapValues::Remember(const ValueName& name, std::shared_ptr<const TreeNode> node) const {
+  const size_t bytes = sizeof(TreeNode) + node->children.capacity() * sizeof(TreeChild);
+  caches_.nodes.Insert({incarnation_, name}, std::move(node), bytes);
+}
+
+absl::Status DeleteNamed(Engine& engine, uint64_t incarnation, std::span<const ValueName> names) {
+  std::map<std::string, std::vector<std::string>> keys;
+  for (const ValueName& name : names) keys[GroupOf(incarnation, name)].push_back(KeyOf(name));
+  for (const auto& [group, in_group] : keys) {
+    if (absl::Status status = engine.DeleteValues(group, in_group); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <utility>
+
+#include "core/voxels/block.h"
+#include "storage/byte_cache.h"
+#include "storage/engine.h"
+#include "storage/map_layout.h"
+#include "storage/tree_node.h"
+
+namespace mapkeep {
+
+/// Decoded values of every map, shared by all readers.
+struct MapCaches {
+  /// Nodes get an eighth of the bytes.
+  explicit MapCaches(size_t limit_bytes) : blocks(limit_bytes / 8 * 7), nodes(limit_bytes / 8) {}
+
+  using Name = std::pair<uint64_t, ValueName>;  ///< incarnation and value
+  ByteCache<Name, Block> blocks;
+  ByteCache<Name, TreeNode> nodes;
+};
+
+/// The immutable values of one map, read through the caches. DATA_LOSS naming the value if it is damaged or missing.
+class MapValues final {
+ public:
+  /// Both outlive it.
+  MapValues(const Engine& engine, MapCaches& caches, uint64_t incarnation)
+      : engine_(engine), caches_(caches), incarnation_(incarnation) {}
+
+  uint64_t incarnation() const { return incarnation_; }
+  absl::StatusOr<std::shared_ptr<const Block>> ReadBlock(const ValueName& name) const;
+  absl::StatusOr<std::shared_ptr<const TreeNode>> ReadNode(const ValueName& name) const;
+
+  /// Puts what was just written where the next reader looks.
+  void Remember(const ValueName& name, std::shared_ptr<const Block> block) const;
+  void Remember(const ValueName& name, std::shared_ptr<const TreeNode> node) const;
+
+ private:
+  const Engine& engine_;
+  MapCaches& caches_;
+  const uint64_t incarnation_;
+};
+
+/// Deletes values of a map by name, a group at a time. What is not there is fine.
+absl::Status DeleteNamed(Engine& engine, uint64_t incarnation, std::span<const ValueName> names);
+
+}  // namespace mapkeep

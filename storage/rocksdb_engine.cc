@@ -1,0 +1,275 @@
+#include "storage/rocksdb_engine.h"
+
+#include <absl/strings/escaping.h>
+#include <absl/strings/match.h>
+#include <rocksdb/cache.h>
+#include <rocksdb/db.h>
+#include <rocksdb/env.h>
+#include <rocksdb/filter_policy.h>
+#include <rocksdb/options.h>
+#include <rocksdb/table.h>
+#include <rocksdb/utilities/checkpoint.h>
+#include <rocksdb/write_batch.h>
+
+#include <array>
+#include <atomic>
+#include <limits>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "storage/text.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr size_t kMaxNameLength = std::numeric_limits<uint16_t>::max();
+constexpr size_t kMutexes = 64;
+
+bool IsFull(const rocksdb::Status& status) {
+  return status.IsNoSpace() || status.subcode() == rocksdb::Status::SubCode::kSpaceLimit;
+}
+
+absl::Status FromRocksDb(const rocksdb::Status& status, std::string_view what) {
+  if (status.ok()) return absl::OkStatus();
+  const std::string message = Text(what, ": ", status.ToString());
+  if (IsFull(status)) return absl::ResourceExhaustedError(message);
+  if (status.IsCorruption()) return absl::DataLossError(message);
+  if (status.IsNotFound()) return absl::NotFoundError(message);
+  if (status.IsInvalidArgument()) return absl::InvalidArgumentError(message);
+  if (status.IsBusy() || status.IsTryAgain()) return absl::UnavailableError(message);
+  return absl::InternalError(message);
+}
+
+/// Of a write: a log whose write or sync failed may still turn up with the record when it is opened again.
+absl::Status FromFailedWrite(const rocksdb::Status& status, std::string_view what) {
+  if (status.IsIOError() && !IsFull(status)) return absl::UnknownError(Text(what, ": ", status.ToString()));
+  return FromRocksDb(status, what);
+}
+
+/// Key of a row: the length of its partition's name in two bytes, the name, the row's key. No name is a prefix of
+/// another with its length before it, so no two rows collide and the rows of a partition are one contiguous range.
+std::string PrefixOf(std::string_view partition) {
+  std::string prefix;
+  prefix.push_back(static_cast<char>(partition.size() >> 8));
+  prefix.push_back(static_cast<char>(partition.size() & 0xff));
+  prefix.append(partition);
+  return prefix;
+}
+
+std::string KeyOf(std::string_view partition, std::string_view key) { return PrefixOf(partition).append(key); }
+
+/// The first key after all that begin with `prefix`. The length bytes are never both 0xff 0xff with an all-0xff name of
+/// that length in practice; if they were, an unbounded end is right.
+std::string EndOfPrefix(std::string prefix) {
+  while (!prefix.empty() && prefix.back() == '\xff') prefix.pop_back();
+  if (!prefix.empty()) prefix.back() = static_cast<char>(static_cast<unsigned char>(prefix.back()) + 1);
+  return prefix;
+}
+
+absl::Status CheckName(std::string_view name) {
+  if (!name.empty() && name.size() <= kMaxNameLength) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      Text("the name of a partition or group has ", name.size(), " bytes, not 1 to ", kMaxNameLength));
+}
+
+std::string_view ViewOf(const rocksdb::Slice& slice) { return {slice.data(), slice.size()}; }
+
+class RocksDbEngine final : public Engine {
+ public:
+  using Handles = std::vector<rocksdb::ColumnFamilyHandle*>;
+
+  RocksDbEngine(std::unique_ptr<rocksdb::DB> db, const Handles& handles)
+      : db_(std::move(db)), default_(handles[0]), rows_(handles[1]), values_(handles[2]) {}
+
+  ~RocksDbEngine() override {
+    for (rocksdb::ColumnFamilyHandle* handle : {default_, rows_, values_}) db_->DestroyColumnFamilyHandle(handle);
+    db_->Close();
+  }
+
+  absl::StatusOr<std::optional<std::string>> Get(std::string_view partition, std::string_view key) const override {
+    std::string value;
+    const rocksdb::Status status = db_->Get({}, rows_, KeyOf(partition, key), &value);
+    if (status.IsNotFound()) return std::nullopt;
+    if (!status.ok()) return FromRocksDb(status, Describe("read", partition, key));
+    return value;
+  }
+
+  absl::Status Scan(std::string_view partition, std::string_view begin, std::string_view end,
+                    const std::function<bool(std::string_view, std::string_view)>& row) const override {
+    return ScanFamily(rows_, partition, begin, end, row);
+  }
+
+  absl::Status Write(std::string_view partition, std::span<const Mutation> mutations, Durability durability) override {
+    if (absl::Status status = CheckName(partition); !status.ok()) return status;
+    const std::scoped_lock lock(MutexOf(partition));
+    return Apply(BatchOf(partition, mutations), durability, Describe("write", partition, ""));
+  }
+
+  absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
+                             std::span<const Mutation> mutations) override {
+    if (absl::Status status = CheckName(partition); !status.ok()) return status;
+    const std::scoped_lock lock(MutexOf(partition));
+    for (const Condition& condition : conditions) {
+      absl::StatusOr<std::optional<std::string>> found = Get(partition, condition.key);
+      if (!found.ok()) return found.status();
+      if (*found == condition.value) continue;
+      const char* difference = !condition.value ? "exists" : *found ? "has changed" : "is absent";
+      return absl::AbortedError(Text("row ", absl::Utf8SafeCEscape(condition.key), " of ",
+                                     absl::Utf8SafeCEscape(ToAbsl(partition)), " ", difference));
+    }
+    return Apply(BatchOf(partition, mutations), Durability::kDurable, Describe("compare-and-set", partition, ""));
+  }
+
+  absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) override {
+    if (absl::Status status = CheckName(group); !status.ok()) return status;
+    rocksdb::WriteBatch batch;
+    for (const ImmutableValue& value : values) batch.Put(values_, KeyOf(group, value.key), value.value);
+    return Apply(std::move(batch), Durability::kBuffered, Describe("write values", group, ""));
+  }
+
+  absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const override {
+    std::string value;
+    const rocksdb::Status status = db_->Get({}, values_, KeyOf(group, key), &value);
+    if (!status.ok()) return FromRocksDb(status, Describe("read value", group, key));
+    return value;
+  }
+
+  absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {
+    if (absl::Status status = CheckName(group); !status.ok()) return status;
+    rocksdb::WriteBatch batch;
+    for (const std::string& key : keys) batch.Delete(values_, KeyOf(group, key));
+    return Apply(std::move(batch), Durability::kBuffered, Describe("delete values", group, ""));
+  }
+
+  absl::Status ScanValueKeys(std::string_view group, std::string_view begin, std::string_view end,
+                             const std::function<bool(std::string_view)>& row) const override {
+    return ScanFamily(values_, group, begin, end, [&row](std::string_view key, std::string_view) { return row(key); });
+  }
+
+  absl::Status Sync() override { return FromRocksDb(db_->SyncWAL(), "sync"); }
+
+  absl::Status Checkpoint(const std::string& directory) override {
+    rocksdb::Checkpoint* made = nullptr;
+    rocksdb::Status status = rocksdb::Checkpoint::Create(db_.get(), &made);
+    const std::unique_ptr<rocksdb::Checkpoint> checkpoint(made);
+    if (status.ok()) status = checkpoint->CreateCheckpoint(directory);
+    return FromRocksDb(status, Text("checkpoint to ", directory));
+  }
+
+ private:
+  static std::string Describe(std::string_view action, std::string_view partition, std::string_view key) {
+    return Text(action, " ", absl::Utf8SafeCEscape(ToAbsl(partition)), key.empty() ? "" : " ",
+                absl::CHexEscape(ToAbsl(key)));
+  }
+
+  std::mutex& MutexOf(std::string_view partition) {
+    return mutexes_[std::hash<std::string_view>()(partition) % kMutexes];
+  }
+
+  rocksdb::WriteBatch BatchOf(std::string_view partition, std::span<const Mutation> mutations) const {
+    rocksdb::WriteBatch batch;
+    for (const Mutation& mutation : mutations) {
+      const std::string key = KeyOf(partition, mutation.key);
+      if (mutation.value) {
+        batch.Put(rows_, key, *mutation.value);
+      } else {
+        batch.Delete(rows_, key);
+      }
+    }
+    return batch;
+  }
+
+  absl::Status Apply(rocksdb::WriteBatch batch, Durability durability, std::string_view what) {
+    // A full disk stops RocksDB; once there is space again it must be told to go on.
+    if (stopped_.load() && db_->Resume().ok()) stopped_ = false;
+    rocksdb::WriteOptions options;
+    options.sync = durability == Durability::kDurable;
+    const rocksdb::Status status = db_->Write(options, &batch);
+    if (status.ok()) return absl::OkStatus();
+    if (IsFull(status)) stopped_ = true;
+    return FromFailedWrite(status, what);
+  }
+
+  absl::Status ScanFamily(rocksdb::ColumnFamilyHandle* family, std::string_view partition, std::string_view begin,
+                          std::string_view end,
+                          const std::function<bool(std::string_view, std::string_view)>& row) const {
+    const std::string prefix = PrefixOf(partition);
+    const std::string last = end.empty() ? EndOfPrefix(prefix) : KeyOf(partition, end);
+    const rocksdb::Slice bound(last);
+    rocksdb::ReadOptions options;
+    if (!last.empty()) options.iterate_upper_bound = &bound;
+    const std::unique_ptr<rocksdb::Iterator> iterator(db_->NewIterator(options, family));
+    for (iterator->Seek(KeyOf(partition, begin)); iterator->Valid(); iterator->Next()) {
+      if (!row(ViewOf(iterator->key()).substr(prefix.size()), ViewOf(iterator->value()))) break;
+    }
+    return FromRocksDb(iterator->status(), Describe("scan", partition, begin));
+  }
+
+  const std::unique_ptr<rocksdb::DB> db_;
+  rocksdb::ColumnFamilyHandle* const default_;
+  rocksdb::ColumnFamilyHandle* const rows_;
+  rocksdb::ColumnFamilyHandle* const values_;
+  std::array<std::mutex, kMutexes> mutexes_;  ///< partitions that share one only wait for each other
+  std::atomic<bool> stopped_ = false;
+};
+
+rocksdb::Options DatabaseOptions(const RocksDbOptions& options) {
+  rocksdb::Options database;
+  if (options.env != nullptr) database.env = options.env;
+  database.create_if_missing = true;
+  database.create_missing_column_families = true;
+  database.db_write_buffer_size = options.write_buffer_bytes;
+  database.max_total_wal_size = 4 * options.write_buffer_bytes;
+  database.max_open_files = 1024;
+  database.bytes_per_sync = uint64_t{1} << 20;
+  database.keep_log_file_num = 4;
+  database.max_log_file_size = size_t{8} << 20;
+  database.info_log_level = rocksdb::WARN_LEVEL;
+  return database;
+}
+
+std::vector<rocksdb::ColumnFamilyDescriptor> Families(const RocksDbOptions& options) {
+  rocksdb::BlockBasedTableOptions table;
+  table.block_cache = rocksdb::NewLRUCache(options.block_cache_bytes);
+  table.filter_policy.reset(rocksdb::NewBloomFilterPolicy(10));
+  table.cache_index_and_filter_blocks = true;
+
+  rocksdb::ColumnFamilyOptions rows;
+  rows.table_factory.reset(rocksdb::NewBlockBasedTableFactory(table));
+  rows.compression = rocksdb::kZSTD;
+
+  // Values are compressed already and never change, so compaction need not move them: they lie in blob files.
+  rocksdb::ColumnFamilyOptions values;
+  values.table_factory.reset(rocksdb::NewBlockBasedTableFactory(table));
+  values.compression = rocksdb::kNoCompression;
+  values.enable_blob_files = true;
+  values.min_blob_size = 2048;
+  values.blob_compression_type = rocksdb::kNoCompression;
+  values.enable_blob_garbage_collection = true;
+  values.blob_garbage_collection_age_cutoff = 0.5;
+  values.blob_garbage_collection_force_threshold = 0.5;
+
+  return {{rocksdb::kDefaultColumnFamilyName, {}}, {"rows", rows}, {"values", values}};
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Engine>> OpenRocksDbEngine(const std::string& directory, const RocksDbOptions& options) {
+  const rocksdb::Options database = DatabaseOptions(options);
+  if (const rocksdb::Status made = database.env->CreateDirIfMissing(directory); !made.ok()) {
+    return FromRocksDb(made, Text("make directory ", directory));
+  }
+  RocksDbEngine::Handles handles;
+  rocksdb::DB* opened = nullptr;
+  const rocksdb::Status status = rocksdb::DB::Open(database, directory, Families(options), &handles, &opened);
+  if (status.ok()) return std::make_unique<RocksDbEngine>(std::unique_ptr<rocksdb::DB>(opened), handles);
+  // RocksDB has no code of its own for this one.
+  if (status.IsIOError() && absl::StrContains(status.ToString(), "lock ")) {
+    return absl::FailedPreconditionError(
+        Text(directory, " is open in another process (or twice in this one): ", status.ToString()));
+  }
+  return FromRocksDb(status, Text("open ", directory));
+}
+
+}  // namespace mapkeep

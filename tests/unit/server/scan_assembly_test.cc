@@ -1,0 +1,135 @@
+#include "server/rpc/scan_assembly.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "core/checksum/crc32c.h"
+
+namespace mapkeep {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr std::array<double, 12> kIdentity = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+
+std::string Bytes(const std::vector<float>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
+}
+
+// As a client makes it: the checksum is that of the content.
+RawScan Raw(const std::vector<float>& values, double time = 1e9, std::array<double, 12> rows = kIdentity) {
+  RawScan raw{.bytes = Bytes(values)};
+  raw.header.set_index(3);
+  raw.header.set_point_count(static_cast<uint32_t>(values.size() / 4));
+  raw.header.mutable_pose()->mutable_rows()->Add(rows.begin(), rows.end());
+  raw.header.set_time(time);
+  uint32_t crc = Crc32c(raw.bytes);
+  crc = Crc32c({reinterpret_cast<const char*>(rows.data()), sizeof rows}, crc);
+  raw.header.set_crc32c(Crc32c({reinterpret_cast<const char*>(&time), sizeof time}, crc));
+  return raw;
+}
+
+absl::Status Refusal(const RawScan& raw) { return DecodeScan(raw, raw.header.crc32c(), {.voxel_size = 0.2}).status(); }
+
+v1::ScanHeader Header(uint32_t points) {
+  v1::ScanHeader header;
+  header.set_point_count(points);
+  return header;
+}
+
+TEST(ScanAssembly, ChunksOfAnySizeMakeTheScan) {
+  const std::string bytes = Bytes({1, 2, 3, 0.5, 4, 5, 6, 1});
+  for (size_t size = 1; size <= bytes.size(); ++size) {
+    ScanAssembly assembly;
+    ASSERT_TRUE(assembly.Begin(Header(2)).ok());
+    for (size_t at = 0; at < bytes.size(); at += size) {
+      EXPECT_FALSE(assembly.complete());
+      ASSERT_TRUE(assembly.Append(bytes.substr(at, size)).ok());
+    }
+    ASSERT_TRUE(assembly.complete());
+    EXPECT_EQ(assembly.Take().bytes, bytes);
+    EXPECT_FALSE(assembly.under_way());
+  }
+}
+
+TEST(ScanAssembly, ClaimsDoNotTakeMemory) {
+  ScanAssembly assembly;
+  ASSERT_TRUE(assembly.Begin(Header(4'000'000)).ok());
+  EXPECT_EQ(assembly.bytes(), 0U);
+  EXPECT_TRUE(absl::IsInvalidArgument(ScanAssembly().Begin(Header(200'000'000))));  // 3 GiB
+  EXPECT_TRUE(absl::IsInvalidArgument(ScanAssembly().Begin(Header(0))));
+}
+
+TEST(ScanAssembly, WhatIsOutOfOrderIsRefused) {
+  ScanAssembly assembly;
+  EXPECT_THAT(std::string(assembly.Append("x").message()), HasSubstr("header comes first"));
+  ASSERT_TRUE(assembly.Begin(Header(1)).ok());
+  EXPECT_THAT(std::string(assembly.Begin(Header(1)).message()), HasSubstr("has 0 of 16 bytes"));
+  EXPECT_THAT(std::string(assembly.Append(std::string(17, 'x')).message()), HasSubstr("more than the 16 bytes"));
+  ScanAssembly large;
+  ASSERT_TRUE(large.Begin(Header(1'000'000)).ok());
+  EXPECT_THAT(std::string(large.Append(std::string((1 << 20) + 1, 'x')).message()), HasSubstr("at most 1 MiB"));
+}
+
+TEST(DecodeScan, GivesWhatTheClientSent) {
+  const auto staged = DecodeScan(Raw({1, 2, 3, 0.5}), Raw({1, 2, 3, 0.5}).header.crc32c(), {.voxel_size = 0.2});
+  ASSERT_TRUE(staged.ok()) << staged.status();
+  EXPECT_EQ(staged->scan.points, (std::vector<Eigen::Vector3f>{{1, 2, 3}}));
+  EXPECT_EQ(staged->scan.intensities, (std::vector<float>{0.5}));
+  EXPECT_EQ(staged->scan.time, 1e9);
+}
+
+TEST(DecodeScan, ContentThatIsNotWhatTheChecksumSaysIsDataLoss) {
+  RawScan raw = Raw({1, 2, 3, 0.5});
+  raw.bytes[0] = static_cast<char>(raw.bytes[0] ^ 1);
+  const absl::Status status = Refusal(raw);
+  EXPECT_TRUE(absl::IsDataLoss(status));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("scan 3"));
+}
+
+TEST(DecodeScan, AScanOtherThanPromisedIsRefused) {
+  const RawScan raw = Raw({1, 2, 3, 0.5});
+  const absl::Status status = DecodeScan(raw, raw.header.crc32c() + 1, {.voxel_size = 0.2}).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status));
+  EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr("scan 3"), HasSubstr("promised")));
+}
+
+TEST(DecodeScan, BadValuesAreNamedByScanAndPoint) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const auto complaint = [](const std::vector<float>& values) {
+    const absl::Status status = Refusal(Raw(values));
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    return std::string(status.message());
+  };
+  EXPECT_THAT(complaint({1, 2, 3, 0, 1, kNan, 3, 0}), AllOf(HasSubstr("scan 3"), HasSubstr("point 1 is not finite")));
+  EXPECT_THAT(complaint({1, 2, kInfinity, 0}), HasSubstr("point 0 is not finite"));
+  EXPECT_THAT(complaint({1, 2, 3, kNan}), HasSubstr("point 0 is not finite"));
+  EXPECT_THAT(complaint({1, 2, 3, 255}), HasSubstr("intensity 255"));
+  EXPECT_THAT(complaint({1, 2, 3, 0, 3e5, 0, 0, 0}), AllOf(HasSubstr("point 1"), HasSubstr("beyond the map's range")));
+}
+
+TEST(DecodeScan, TheRangeIsThatOfTheMovedPointAboutTheMapsOrigin) {
+  std::array<double, 12> far = kIdentity;
+  far[3] = 690000;
+  const RawScan raw = Raw({1, 2, 3, 0}, 0, far);
+  EXPECT_TRUE(absl::IsInvalidArgument(Refusal(raw)));
+  const MapRange range{.voxel_size = 0.2, .origin = {690000, 0, 0}};
+  EXPECT_TRUE(DecodeScan(raw, raw.header.crc32c(), range).ok());
+}
+
+TEST(DecodeScan, BadPosesAndTimesAreRefused) {
+  std::array<double, 12> stretched = kIdentity;
+  stretched[0] = 2;
+  EXPECT_THAT(std::string(Refusal(Raw({1, 2, 3, 0}, 0, stretched)).message()), HasSubstr("not a rotation"));
+  EXPECT_THAT(std::string(Refusal(Raw({1, 2, 3, 0}, -1)).message()), HasSubstr("time -1"));
+}
+
+}  // namespace
+}  // namespace mapkeep
