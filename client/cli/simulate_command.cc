@@ -7,7 +7,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "client/cli/command_line.h"
@@ -15,7 +14,9 @@
 #include "client/cli/output.h"
 #include "client/cli/progress_line.h"
 #include "client/readers/session_directory.h"
+#include "client/simulator/random_stream.h"
 #include "client/simulator/session_files.h"
+#include "client/simulator/sessions_folder.h"
 #include "client/simulator/street_session.h"
 
 namespace mapkeep {
@@ -23,7 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kSessionPrefix[] = "session-";
 constexpr double kStartSpread = 3;  // metres: no two days begin at quite the same place
 
 struct SimulateArguments {
@@ -35,40 +35,6 @@ struct SimulateArguments {
   DriveParameters drive;
   bool force = false;
 };
-
-std::string SessionName(int session) { return absl::StrFormat("%s%02d", kSessionPrefix, session + 1); }
-
-/// Whether an entry of OUT is something that this command writes, or left when it was interrupted.
-bool IsOurs(const fs::path& entry) {
-  const std::string name = entry.filename().string();
-  return name.rfind(kSessionPrefix, 0) == 0 || name.rfind(absl::StrCat(".", kSessionPrefix), 0) == 0;
-}
-
-/// Makes OUT, empty of sessions. What it holds besides is never removed.
-absl::Status Prepare(const fs::path& out, bool force) {
-  std::error_code error;
-  fs::create_directories(out, error);
-  if (error) return absl::FailedPreconditionError(absl::StrCat(out.string(), ": cannot be made: ", error.message()));
-  std::vector<fs::path> ours;
-  for (const fs::directory_entry& entry : fs::directory_iterator(out, error)) {
-    if (!IsOurs(entry.path())) {
-      return absl::InvalidArgumentError(absl::StrCat(out.string(), ": holds ", entry.path().filename().string(),
-                                                     ", which is no simulated session: expected an empty directory"));
-    }
-    ours.push_back(entry.path());
-  }
-  if (error) return absl::InvalidArgumentError(absl::StrCat(out.string(), ": ", error.message()));
-  if (!ours.empty() && !force) {
-    return absl::InvalidArgumentError(absl::StrCat(out.string(), ": is not empty: --force replaces its sessions"));
-  }
-  for (const fs::path& path : ours) {
-    fs::remove_all(path, error);
-    if (error) {
-      return absl::FailedPreconditionError(absl::StrCat(path.string(), ": cannot be removed: ", error.message()));
-    }
-  }
-  return absl::OkStatus();
-}
 
 struct Written {
   std::string name;
@@ -124,7 +90,8 @@ ExitCode RunSimulation(const GlobalOptions& options, const SimulateArguments& ar
   if (!layout.ok()) return BadInput(layout.status());
   const absl::StatusOr<Street> street = MakeStreet(arguments.street);
   if (!street.ok()) return Fail(street.status());
-  if (const absl::Status prepared = Prepare(arguments.out, arguments.force); !prepared.ok()) return Fail(prepared);
+  if (const absl::Status prepared = PrepareSessionsFolder(arguments.out, arguments.force); !prepared.ok())
+    return Fail(prepared);
 
   const Interruption interruption;
   ProgressLine line(options.json);
@@ -135,7 +102,7 @@ ExitCode RunSimulation(const GlobalOptions& options, const SimulateArguments& ar
     drive.start = RandomStream(SeedOf(arguments.street.seed, static_cast<uint64_t>(i))).Uniform(0, kStartSpread);
     const absl::StatusOr<SimulatedSession> session = DriveThrough(*street, i, drive);
     if (!session.ok()) return Fail(session.status());
-    const std::string name = SessionName(i);
+    const std::string name = SessionFolderName(i);
     const absl::Status status =
         WriteSession(*session, fs::path(arguments.out) / name, *layout, PcdEncoding::kBinary, [&](double fraction) {
           line.Show(name, fraction);

@@ -63,6 +63,7 @@ std::vector<Line> LinesAcross() {
   constexpr std::array<double, 19> kBeyond = {
       kKerb, 5.9, 6.5, 7.2, 7.9, kBuildingLine, kRampBegin, 10, 12, 14, 16, 17.5, kRampEnd, 21, 24, 28, 34, 45, 60};
   std::vector<Line> lines;
+  lines.reserve(2 * (kRoad.size() + kBeyond.size()));
   for (const double d : kRoad) lines.push_back({d, false});
   for (const double d : kBeyond) lines.push_back({d, true});
   const size_t half = lines.size();

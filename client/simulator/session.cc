@@ -49,7 +49,8 @@ std::vector<Ray> RaysOf(std::span<const Eigen::Vector3f> directions, const Ride&
       rays[i].direction = directions[i];
       continue;
     }
-    const double fraction = static_cast<double>(i / channels) / static_cast<double>(ride.sensor.firings);
+    const size_t firing = i / channels;
+    const double fraction = static_cast<double>(firing) / static_cast<double>(ride.sensor.firings);
     if (i % channels == 0) moved = Between(Pose::Identity(), end, fraction).cast<float>();
     rays[i] = {moved.translation(), moved.linear() * directions[i], static_cast<float>(fraction)};
   }

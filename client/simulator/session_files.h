@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <cstdint>
 #include <filesystem>
 
 #include "client/readers/session_directory.h"

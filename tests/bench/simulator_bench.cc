@@ -25,10 +25,23 @@ void DriveThroughAStreet(benchmark::State& state, const char* sensor) {
   state.counters["moving %"] = 100 * moving / points;
 }
 
-BENCHMARK_CAPTURE(DriveThroughAStreet, hdl64, "hdl64")->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(3);
-BENCHMARK_CAPTURE(DriveThroughAStreet, os1_64, "os1-64")->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK_CAPTURE(DriveThroughAStreet, vlp16, "vlp16")->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK_CAPTURE(DriveThroughAStreet, livox, "livox")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(DriveThroughAStreet, hdl64, "hdl64")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->MinTime(3);
+BENCHMARK_CAPTURE(DriveThroughAStreet, os1_64, "os1-64")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK_CAPTURE(DriveThroughAStreet, vlp16, "vlp16")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK_CAPTURE(DriveThroughAStreet, livox, "livox")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace mapkeep

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/readers/session_directory.h"
+#include "client/simulator/sessions_folder.h"
 #include "client/simulator/street_session.h"
 
 namespace mapkeep {
@@ -156,6 +157,23 @@ TEST_F(SessionFiles, AnExistingDirectoryStaysAsItIs) {
   EXPECT_EQ(status.code(), absl::StatusCode::kAlreadyExists);
   EXPECT_THAT(std::string(status.message()), HasSubstr("session-01"));
   EXPECT_TRUE(fs::is_empty(folder_ / "session-01"));
+}
+
+TEST_F(SessionFiles, AFolderOfSessionsIsReplacedOnlyWhenAskedAndNothingElseIsEverRemoved) {
+  const fs::path out = folder_ / "out";
+  ASSERT_TRUE(PrepareSessionsFolder(out, false).ok());
+  ASSERT_TRUE(PrepareSessionsFolder(out, false).ok()) << "an empty folder is no obstacle";
+  fs::create_directories(out / SessionFolderName(0) / "velodyne");
+  fs::create_directories(out / ".session-02.partial");
+  EXPECT_THAT(std::string(PrepareSessionsFolder(out, false).message()), HasSubstr("not empty"));
+  EXPECT_TRUE(fs::exists(out / "session-01/velodyne"));
+  EXPECT_TRUE(PrepareSessionsFolder(out, true).ok());
+  EXPECT_TRUE(fs::is_empty(out));
+
+  std::ofstream(out / "thesis.txt") << "years of work";
+  fs::create_directories(out / "session-01");
+  EXPECT_THAT(std::string(PrepareSessionsFolder(out, true).message()), HasSubstr("holds"));
+  EXPECT_TRUE(fs::exists(out / "thesis.txt"));
 }
 
 }  // namespace
