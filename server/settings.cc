@@ -255,7 +255,9 @@ std::vector<Setting> MakeSettings() {
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,
-             "R below it: not static, unless ground"),
+             "R below it: not static, unless ground or in a cluster that is"),
+      Number("filter.candidate_threshold", MAPKEEP_FIELD(stages.filter.candidate_threshold), 0, 1,
+             "R below it, and not ground: takes part in the clusters"),
       Number("filter.cluster_radius", MAPKEEP_FIELD(stages.filter.cluster_radius), 0.01, 6.4,
              "epsilon of DBSCAN, metres"),
       Integer("filter.cluster_min_neighbours", MAPKEEP_FIELD(stages.filter.cluster_min_neighbours), 1, 1000,

@@ -97,7 +97,7 @@ class Upload final : public Reactor {
     }
     taken_ = true;
     busy_ = true;
-    context_.pool.Submit([this] { OpenSession(); });
+    context_.pool.Submit([self = self_] { self->OpenSession(); });
     return absl::OkStatus();
   }
 
@@ -219,8 +219,9 @@ class Upload final : public Reactor {
     if (!busy_ && !pending_.empty()) {
       busy_ = true;
       staging_bytes_ = std::exchange(pending_bytes_, 0);
-      context_.pool.Submit(
-          [this, batch = std::exchange(pending_, {}), first = record_.durable_scans] { Stage(batch, first); });
+      context_.pool.Submit([self = self_, batch = std::exchange(pending_, {}), first = record_.durable_scans] {
+        self->Stage(batch, first);
+      });
     }
     if (vanished_) acknowledge_ = false;
     if (!writing_ && acknowledge_) {

@@ -21,15 +21,18 @@ class Watch final : public Reactor {
  public:
   Watch(const ServiceContext& context, SessionFeed::Key session) : context_(context), session_(std::move(session)) {}
 
-  // Lives until the call is done and neither the pool nor the alarm still means it.
+  // Lives until the call is done and the pool no longer means it.
   static Watch* Begin(const ServiceContext& context, SessionFeed::Key session) {
     auto watch = std::make_shared<Watch>(context, std::move(session));
     watch->self_ = watch;
     watch->watcher_ = context.feed.Watch(watch->session_, [of = watch.get()] { of->Changed(); });
     const auto end = std::chrono::system_clock::now() + std::chrono::seconds(context.config.limits.watch_seconds);
-    watch->alarm_.Set(end, [watch](bool) {
-      const std::lock_guard lock(watch->mutex_);
-      watch->End(absl::OkStatus());
+    // Weak: the alarm keeps its callback for as long as it lives itself.
+    watch->alarm_.Set(end, [weak = std::weak_ptr<Watch>(watch)](bool) {
+      const std::shared_ptr<Watch> of = weak.lock();
+      if (of == nullptr) return;
+      const std::lock_guard lock(of->mutex_);
+      of->End(absl::OkStatus());
     });
     watch->Changed();
     return watch.get();

@@ -45,7 +45,7 @@ class Robot {
   std::unique_ptr<Upload> Open(grpc::ClientContext& call, const std::string& map, const std::string& id);
   /// Header and chunks; false once the stream is broken.
   static bool Send(Upload& upload, const WireScan& scan);
-  /// The whole of an upload: open, these scans, the end. `details` gets the status's.
+  /// The whole of an upload: open, these scans, the end.
   grpc::Status Send(const std::string& map, const std::string& id, const std::vector<WireScan>& scans);
   grpc::Status Commit(const std::string& map, const std::string& id, v1::Session* session = nullptr);
   grpc::Status GetSession(const std::string& map, const std::string& id, v1::Session& session);

@@ -53,7 +53,7 @@ class Uploads : public ::testing::Test {
     other.Tiles("site", true);
   }
 
-  // Begins a session of these scans, of which `promised` (default: the same) are promised, and sends them.
+  // Begins a session of these scans and sends them.
   grpc::Status Upload(const std::string& id, const std::vector<WireScan>& scans) {
     EXPECT_THAT(robot_.Begin("site", id, scans), IsOk());
     return robot_.Send("site", id, scans);

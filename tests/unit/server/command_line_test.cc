@@ -1,5 +1,6 @@
 #include "server/command_line.h"
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -96,12 +97,12 @@ TEST(CommandLine, BadSyntaxIsNamedWithItsLine) {
 TEST(CommandLine, EverySettingRefusesABadValueWithItsLine) {
   for (const Setting& setting : Settings()) {
     const size_t dot = setting.name.find('.');
-    const std::string table = dot == std::string::npos ? "" : "[" + setting.name.substr(0, dot) + "]";
+    const std::string table = dot == std::string::npos ? "" : absl::StrCat("[", setting.name.substr(0, dot), "]");
     const std::string key = dot == std::string::npos ? setting.name : setting.name.substr(dot + 1);
     for (const char* bad : {"[1, 2]", "1979-05-27", "-1e300"}) {
-      const std::string complaint = FileComplaint(table + "\n" + key + " = " + bad + "\n");
-      EXPECT_THAT(complaint,
-                  AllOf(StartsWith("site.toml:2: " + setting.name + " = "), HasSubstr("expected " + setting.expects)));
+      const std::string complaint = FileComplaint(absl::StrCat(table, "\n", key, " = ", bad, "\n"));
+      EXPECT_THAT(complaint, AllOf(StartsWith(absl::StrCat("site.toml:2: ", setting.name, " = ")),
+                                   HasSubstr(absl::StrCat("expected ", setting.expects))));
     }
   }
 }
