@@ -6,15 +6,15 @@
 
 namespace mapkeep {
 
-/// Which rays of a scan are walked to count exposures.
+/// How the voxels that a scan looked through are found. Both see the same but for rays that touch corners.
 enum class ExposureEngine : uint8_t {
-  kFast,   ///< one ray a voxel that was hit: to the first point in it. Never sees through what kExact does not.
-  kExact,  ///< the ray of every point: the reference
+  kProjection,  ///< asks for every voxel in reach whether a ray of the scan passes through it; the fastest
+  kRayWalk,     ///< walks the ray of every point from voxel to voxel: the reference
 };
 
 /// How exposures are counted (E of eq. 4). The switches off and a margin of 0 are the paper's count.
 struct ExposureParameters {
-  ExposureEngine engine = ExposureEngine::kFast;
+  ExposureEngine engine = ExposureEngine::kProjection;
   bool sub_voxels = true;  ///< a ray exposes a voxel only where the session has points in it, to a quarter of its edge
   bool neighbour_hits = true;     ///< a voxel is not exposed by a scan that hits one beside it in its layer
   double margin_by_range = 0.02;  ///< the last part of a ray exposes nothing: metres a metre of its length

@@ -143,7 +143,7 @@ int Run(int argc, char** argv) {
   app.add_option("--ankle-tolerance", p.ankle_tolerance);
   app.add_option("--restore", p.restore);
   CLI11_PARSE(app, argc, argv);
-  if (exact) p.exposure.engine = ExposureEngine::kExact;
+  if (exact) p.exposure.engine = ExposureEngine::kRayWalk;
 
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const Drive drive = ReadDrive(directory, first, last);
