@@ -41,8 +41,11 @@ struct DorParameters {
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
   double cluster_threshold = 0.4;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
-  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones
-  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the voxel's mean height go, metres
+  bool inherit = true;    ///< voxels with little evidence follow those around them
+  int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
+
+  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
+  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the ground go, metres
 
   bool restore = true;  ///< give points of isolated dynamic voxels back with the probability of eq. 6
   uint64_t seed = 0;    ///< of eq. 6, together with voxel, scan and point
