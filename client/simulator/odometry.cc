@@ -39,7 +39,13 @@ std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParamete
   const double phase = random.Uniform(0, 2 * std::numbers::pi);
   std::vector<Pose> odometry;
   odometry.reserve(truth.size());
+  // Heading and place are unknown to odometry, but gravity is not.
   Pose pose = Pose::Identity();
+  if (!truth.empty()) {
+    const Eigen::Vector3d heading = truth[0].linear().col(0);
+    pose.linear() =
+        Eigen::AngleAxisd(-std::atan2(heading.y(), heading.x()), Eigen::Vector3d::UnitZ()) * truth[0].linear();
+  }
   double travel = 0;
   for (size_t i = 0; i < truth.size(); ++i) {
     if (i > 0) {

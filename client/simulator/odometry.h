@@ -15,9 +15,10 @@ struct OdometryParameters {
   double rotation_noise = 0;  ///< radians an axis, likewise
 };
 
-/// What odometry makes of a true ride: the first pose is the identity (with noise: near it), and the error grows with
-/// the travel. About half of the drift's variance is a bias of speed, the rest turns slowly (yaw, and less pitch), and
-/// the bias swings by half with a period of 37 m, as that of real odometry is not constant.
+/// What odometry makes of a true ride: it begins at an origin of its own with heading zero, tilted as the truth is
+/// (gravity is known), and its error grows with the travel. About half of the drift's variance is a bias of speed, the
+/// rest turns slowly (yaw, and less pitch), and the bias swings by half with a period of 37 m, as that of real odometry
+/// is not constant.
 std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParameters& parameters, uint64_t seed);
 
 }  // namespace mapkeep
