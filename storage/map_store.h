@@ -42,6 +42,7 @@ struct BlockRange {
 };
 
 /// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
+/// The store outlives it. A process that slept past its pin gets FAILED_PRECONDITION for what was collected meanwhile.
 class Snapshot final {
  public:
   struct State;

@@ -427,7 +427,7 @@ absl::Status SessionStore::DeleteAll(std::string_view map) {
     if (!positions.ok()) return positions.status();
     if (positions->empty()) return absl::OkStatus();
     for (const std::string& position : *positions) {
-      const absl::Status deleted = DeleteSession(engine_, map, IdIn(position), true);
+      absl::Status deleted = DeleteSession(engine_, map, IdIn(position), true);
       if (!deleted.ok() && !absl::IsNotFound(deleted)) return deleted;
     }
   }

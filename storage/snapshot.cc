@@ -59,9 +59,9 @@ absl::StatusOr<std::unique_ptr<const Snapshot::State>> OpenState(MapStore::State
       return refused;
     }
     (*record)->value.origin = row->value.origin;
-    return std::make_unique<const Snapshot::State>((*record)->value, std::move(row->value), std::move(row->bytes),
-                                                   MapValues(store.engine, store.caches, incarnation),
-                                                   *std::move(hold));
+    return std::unique_ptr<const Snapshot::State>(
+        new Snapshot::State{(*record)->value, std::move(row->value), std::move(row->bytes),
+                            MapValues(store.engine, store.caches, incarnation), *std::move(hold)});
   }
   return refused;
 }
