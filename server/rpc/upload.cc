@@ -69,10 +69,7 @@ class Upload final : public Reactor {
     Proceed();
   }
 
-  void OnDone() override {
-    if (taken_) slots_.Free(session_);
-    const std::shared_ptr<Upload> last = std::move(self_);
-  }
+  void OnDone() override { const std::shared_ptr<Upload> last = std::move(self_); }
 
  private:
   // Takes in one message.
@@ -232,6 +229,8 @@ class Upload final : public Reactor {
     }
     if ((ending_ || reads_ended_) && !busy_ && !writing_ && pending_.empty()) {
       finished_ = true;
+      // Before the client hears of the end: it may come again at once.
+      if (taken_) slots_.Free(session_);
       Finish(ToGrpc(failure_.value_or(absl::OkStatus()), Details()));
       return;
     }

@@ -1,13 +1,13 @@
 #include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 
 #include <csignal>
 #include <fstream>
 
 #include "mapkeep/v1/common.pb.h"
 #include "tests/integration/daemon_process.h"
+#include "tests/integration/http_status.h"
 #include "tests/integration/robot.h"
 #include "tests/integration/status_matchers.h"
 
@@ -16,12 +16,6 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-int HttpStatus(const std::string& address, const std::string& path) {
-  httplib::Client client("http://" + address);
-  const auto result = client.Get(path.c_str());
-  return result ? result->status : -1;
-}
 
 // One message of raw bytes to a method whose proto is not at hand; the answer's bytes.
 std::string CallBytes(const Robot& robot, const std::string& method, const std::string& request) {

@@ -93,6 +93,13 @@ std::unique_ptr<Robot::Upload> Robot::Open(grpc::ClientContext& call, const std:
   return upload;
 }
 
+grpc::Status Robot::End(Upload& upload) {
+  upload.WritesDone();
+  v1::UploadScansResponse response;
+  while (upload.Read(&response)) continue;
+  return upload.Finish();
+}
+
 bool Robot::Send(Upload& upload, const WireScan& scan) {
   constexpr size_t kChunk = 100'000;
   v1::UploadScansRequest request;
@@ -110,10 +117,7 @@ grpc::Status Robot::Send(const std::string& map, const std::string& id, const st
   const auto upload = Open(*call, map, id);
   bool whole = true;
   for (size_t i = 0; whole && i < scans.size(); ++i) whole = Send(*upload, scans[i]);
-  if (whole) upload->WritesDone();
-  v1::UploadScansResponse response;
-  while (upload->Read(&response)) continue;
-  return upload->Finish();
+  return End(*upload);
 }
 
 grpc::Status Robot::Commit(const std::string& map, const std::string& id, v1::Session* session) {

@@ -43,6 +43,8 @@ class Robot {
                      v1::Session* session = nullptr, bool keep_scans = false);
   /// Sends `open`; the answer is not read.
   std::unique_ptr<Upload> Open(grpc::ClientContext& call, const std::string& map, const std::string& id);
+  /// The client's end, then what was answered, then the status.
+  static grpc::Status End(Upload& upload);
   /// Header and chunks; false once the stream is broken.
   static bool Send(Upload& upload, const WireScan& scan);
   /// The whole of an upload: open, these scans, the end.

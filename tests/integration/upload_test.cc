@@ -190,8 +190,7 @@ TEST_F(Uploads, OutOfOrderMessagesAreRefused) {
     const auto call = Robot::Call();
     const auto upload = robot_.sessions().UploadScans(call.get());
     Robot::Send(*upload, scans[0]);
-    upload->WritesDone();
-    EXPECT_THAT(upload->Finish(), FailsWith(StatusCode::INVALID_ARGUMENT, {"open"}));
+    EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::INVALID_ARGUMENT, {"open"}));
   }
   {
     const auto call = Robot::Call();
@@ -199,8 +198,7 @@ TEST_F(Uploads, OutOfOrderMessagesAreRefused) {
     v1::UploadScansRequest request;
     request.set_chunk("no header");
     upload->Write(request);
-    upload->WritesDone();
-    EXPECT_THAT(upload->Finish(), FailsWith(StatusCode::INVALID_ARGUMENT, {"header"}));
+    EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::INVALID_ARGUMENT, {"header"}));
   }
   {
     const auto call = Robot::Call();
@@ -209,8 +207,7 @@ TEST_F(Uploads, OutOfOrderMessagesAreRefused) {
     *request.mutable_scan() = scans[0].header;
     request.mutable_scan()->set_point_count(201'326'592);  // 3 GiB
     upload->Write(request);
-    upload->WritesDone();
-    EXPECT_THAT(upload->Finish(), FailsWith(StatusCode::INVALID_ARGUMENT, {"scan 0", "4000000"}));
+    EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::INVALID_ARGUMENT, {"scan 0", "4000000"}));
   }
 }
 
@@ -221,8 +218,7 @@ TEST_F(Uploads, AMessageBeyondTheLimitIsRefused) {
   v1::UploadScansRequest request;
   request.set_chunk(std::string(9 << 20, 'x'));
   upload->Write(request);
-  upload->WritesDone();
-  EXPECT_THAT(upload->Finish(), FailsWith(StatusCode::RESOURCE_EXHAUSTED, {"8388608"}));
+  EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::RESOURCE_EXHAUSTED, {"8388608"}));
 }
 
 TEST_F(Uploads, ASessionMayBeDeletedWhileItUploads) {
@@ -234,8 +230,7 @@ TEST_F(Uploads, ASessionMayBeDeletedWhileItUploads) {
   ASSERT_TRUE(upload->Read(&response));
   ASSERT_THAT(Robot(daemon_->listen()).DeleteSession("site", "gone"), IsOk());
   Robot::Send(*upload, scans[0]);
-  upload->WritesDone();
-  EXPECT_THAT(upload->Finish(), FailsWith(StatusCode::NOT_FOUND, {"gone"}));
+  EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::NOT_FOUND, {"gone"}));
 }
 
 }  // namespace

@@ -48,7 +48,7 @@ class MergeStage : public ::testing::Test {
     for (int i = 0; i < kScans; ++i) {
       scans_.push_back(Wall());
       Pose pose = Pose::Identity();
-      pose.translation() = {0, 0.3 * i, 0.5};
+      pose.translation() << 0, 0.3 * i, 0.5;
       poses_.push_back(pose);
       outline_.extents.emplace_back(Eigen::Vector3d(0, -2, 0), Eigen::Vector3d(8.1, 2, 1));
     }
@@ -104,7 +104,7 @@ TEST_F(MergeStage, ACommitThatCameBetweenIsSeenThroughAsIfItHadBeenThereBefore) 
 TEST_F(MergeStage, BlocksThatStayTheSameAreNotWritten) {
   scans_.assign(1, Scan{.points = {{8.05F, 0, 0}}});
   poses_.assign(1, Pose::Identity());
-  poses_[0].translation() = {0, 50, 0};
+  poses_[0].translation() << 0, 50, 0;
   outline_.extents.assign(1, Eigen::AlignedBox3d(Eigen::Vector3d::Zero(), Eigen::Vector3d(8.1, 0, 0)));
   const MergeResult far = Merged(*head_);
   EXPECT_EQ(std::ranges::count(far.changed, BlockKeyOf(column_[0]), &Block::key), 0);
@@ -112,9 +112,9 @@ TEST_F(MergeStage, BlocksThatStayTheSameAreNotWritten) {
 
 TEST(Origin, IsSetByASessionFarFromZeroAndRounded) {
   Pose pose = Pose::Identity();
-  pose.translation() = {6000, 8000, 0};
+  pose.translation() << 6000, 8000, 0;
   EXPECT_FALSE(OriginFor(pose).has_value());
-  pose.translation() = {691'234, 5'335'678, 512};
+  pose.translation() << 691'234, 5'335'678, 512;
   EXPECT_EQ(*OriginFor(pose), Eigen::Vector3d(691'200, 5'335'700, 500));
 }
 
