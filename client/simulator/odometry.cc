@@ -31,6 +31,12 @@ Bias DrawBias(double drift, RandomStream& random) {
   return {shares.head<3>() / kDriftLength, shares[3] / kAside, -shares[4] / kAside};
 }
 
+/// The roll and pitch of a rotation.
+Eigen::Matrix3d WithoutYaw(const Eigen::Matrix3d& rotation) {
+  const double yaw = std::atan2(rotation(1, 0), rotation(0, 0));
+  return Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()) * rotation;
+}
+
 }  // namespace
 
 std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParameters& parameters, uint64_t seed) {
@@ -40,6 +46,7 @@ std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParamete
   std::vector<Pose> odometry;
   odometry.reserve(truth.size());
   Pose pose = Pose::Identity();
+  if (parameters.knows_gravity && !truth.empty()) pose.linear() = WithoutYaw(truth[0].linear());
   double travel = 0;
   for (size_t i = 0; i < truth.size(); ++i) {
     if (i > 0) {
