@@ -31,6 +31,12 @@ Bias DrawBias(double drift, RandomStream& random) {
   return {shares.head<3>() / kDriftLength, shares[3] / kAside, -shares[4] / kAside};
 }
 
+/// The roll and pitch of a rotation.
+Eigen::Matrix3d WithoutYaw(const Eigen::Matrix3d& rotation) {
+  const double yaw = std::atan2(rotation(1, 0), rotation(0, 0));
+  return Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()) * rotation;
+}
+
 }  // namespace
 
 std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParameters& parameters, uint64_t seed) {
@@ -39,13 +45,8 @@ std::vector<Pose> OdometryOf(std::span<const Pose> truth, const OdometryParamete
   const double phase = random.Uniform(0, 2 * std::numbers::pi);
   std::vector<Pose> odometry;
   odometry.reserve(truth.size());
-  // Heading and place are unknown to odometry, but gravity is not.
   Pose pose = Pose::Identity();
-  if (!truth.empty()) {
-    const Eigen::Vector3d heading = truth[0].linear().col(0);
-    pose.linear() =
-        Eigen::AngleAxisd(-std::atan2(heading.y(), heading.x()), Eigen::Vector3d::UnitZ()) * truth[0].linear();
-  }
+  if (parameters.knows_gravity && !truth.empty()) pose.linear() = WithoutYaw(truth[0].linear());
   double travel = 0;
   for (size_t i = 0; i < truth.size(); ++i) {
     if (i > 0) {

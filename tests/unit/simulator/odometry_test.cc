@@ -14,14 +14,23 @@ std::vector<Pose> StraightRide(size_t poses) {
   return ride;
 }
 
-TEST(Odometry, WithoutDriftItIsTheTruthFromItsFirstPose) {
-  const std::vector<Pose> truth = StraightRide(50);
+TEST(Odometry, WithoutDriftItIsTheTruthFromItsFirstPlaceAndYaw) {
+  // Uphill, leaning, heading north-east.
+  const Pose start = Eigen::Translation3d(3, 4, 5) * Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitZ()) *
+                     Eigen::AngleAxisd(-0.05, Eigen::Vector3d::UnitY()) *
+                     Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX());
+  std::vector<Pose> truth = StraightRide(50);
+  for (Pose& pose : truth) pose = start * pose;
   const std::vector<Pose> odometry = OdometryOf(truth, {}, 3);
   ASSERT_EQ(odometry.size(), truth.size());
-  EXPECT_TRUE(odometry[0].isApprox(Pose::Identity(), 1e-12));
-  for (size_t i = 0; i < truth.size(); ++i) {
-    EXPECT_TRUE((truth[0] * odometry[i]).isApprox(truth[i], 1e-9));
-  }
+  EXPECT_LT(odometry[0].translation().norm(), 1e-12);
+  const Pose known_start =
+      Eigen::Translation3d(truth[0].translation()) * Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitZ());
+  for (size_t i = 0; i < truth.size(); ++i) EXPECT_TRUE((known_start * odometry[i]).isApprox(truth[i], 1e-9));
+
+  const std::vector<Pose> blind = OdometryOf(truth, {.knows_gravity = false}, 3);
+  EXPECT_TRUE(blind[0].isApprox(Pose::Identity(), 1e-12));
+  for (size_t i = 0; i < truth.size(); ++i) EXPECT_TRUE((truth[0] * blind[i]).isApprox(truth[i], 1e-9));
 }
 
 TEST(Odometry, DriftsByTheMetresAskedForIn100Metres) {
