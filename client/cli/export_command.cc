@@ -64,8 +64,9 @@ ExitCode Export(const GlobalOptions& options, const ExportArguments& arguments) 
         if (arguments.absolute) shift = header.origin;
         absl::StatusOr<PointFileWriter> created =
             PointFileWriter::Create(arguments.file, coordinates, CommentsOf(arguments, header));
-        if (created.ok()) writer.emplace(*std::move(created));
-        return created.status();
+        if (!created.ok()) return created.status();
+        writer.emplace(*std::move(created));
+        return absl::OkStatus();
       },
       [&](const Block& block) -> absl::Status {
         if (interruption.requested()) return absl::CancelledError("stopped");
