@@ -32,11 +32,11 @@ struct ExportArguments {
   bool absolute = false;
 };
 
+/// What a reader needs to place the points. Nothing about when or whence: equal maps give equal files.
 std::vector<std::string> CommentsOf(const ExportArguments& arguments, const MapSnapshot& snapshot) {
-  std::vector<std::string> comments = {
-      absl::StrFormat("map %s epoch %d", arguments.map, snapshot.epoch),
-      absl::StrFormat("origin %.3f %.3f %.3f %s", snapshot.origin.x(), snapshot.origin.y(), snapshot.origin.z(),
-                      arguments.absolute ? "added" : "not added")};
+  std::vector<std::string> comments = {absl::StrFormat("origin %.3f %.3f %.3f %s", snapshot.origin.x(),
+                                                       snapshot.origin.y(), snapshot.origin.z(),
+                                                       arguments.absolute ? "added" : "not added")};
   if (!snapshot.crs.empty()) comments.push_back(absl::StrCat("crs ", snapshot.crs));
   return comments;
 }
@@ -64,8 +64,9 @@ ExitCode Export(const GlobalOptions& options, const ExportArguments& arguments) 
         if (arguments.absolute) shift = header.origin;
         absl::StatusOr<PointFileWriter> created =
             PointFileWriter::Create(arguments.file, coordinates, CommentsOf(arguments, header));
-        if (created.ok()) writer.emplace(*std::move(created));
-        return created.status();
+        if (!created.ok()) return created.status();
+        writer.emplace(*std::move(created));
+        return absl::OkStatus();
       },
       [&](const Block& block) -> absl::Status {
         if (interruption.requested()) return absl::CancelledError("stopped");

@@ -14,6 +14,8 @@ nlohmann::json JsonOf(const SessionInfo::Report& report) {
                        {"fitness", window.fitness},
                        {"inliers", window.inliers},
                        {"correction", window.correction},
+                       {"rotation", window.rotation},
+                       {"observability", window.observability},
                        {"trusted", window.trusted}});
   }
   nlohmann::json stages = nlohmann::json::array();

@@ -74,7 +74,7 @@ class Scans {
       if (!progress("read", static_cast<double>(first) / static_cast<double>(count))) {
         return absl::CancelledError("stopped");
       }
-      const absl::Status read = ForEachInParallel(first, std::min(kBatch, count - first), [this](size_t i) {
+      absl::Status read = ForEachInParallel(first, std::min(kBatch, count - first), [this](size_t i) {
         absl::StatusOr<CheckedScan> scan = ReadScan(directory_, i);
         if (!scan.ok()) return scan.status();
         if (AreHeld()) held_[i] = std::make_shared<const CheckedScan>(*std::move(scan));
@@ -164,8 +164,9 @@ absl::Status WriteResults(const SessionDirectory& directory, const Scans& scans,
       const Stopwatch watch(&report->read_seconds);
       status = ForEachInParallel(0, size, [&](size_t i) {
         absl::StatusOr<std::shared_ptr<const CheckedScan>> scan = scans.Read(first + i);
-        if (scan.ok()) batch[i] = *std::move(scan);
-        return scan.status();
+        if (!scan.ok()) return scan.status();
+        batch[i] = *std::move(scan);
+        return absl::OkStatus();
       });
       if (!status.ok()) return status;
     }

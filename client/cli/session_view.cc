@@ -6,6 +6,7 @@
 
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -15,6 +16,8 @@
 
 namespace mapkeep {
 namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
 
 using Fields = std::vector<std::pair<std::string, std::string>>;
 
@@ -43,11 +46,13 @@ void AppendReport(const SessionInfo::Report& report, Fields* fields) {
 
 void PrintWindows(const std::vector<SessionInfo::Window>& windows) {
   if (windows.empty()) return;
-  std::vector<std::vector<std::string>> rows = {{"WINDOW", "FITNESS", "INLIERS", "MOVED_M", "TRUSTED"}};
+  std::vector<std::vector<std::string>> rows = {
+      {"WINDOW", "FITNESS", "INLIERS", "MOVED_M", "TURNED_DEG", "OBSERVABILITY", "TRUSTED"}};
   for (const SessionInfo::Window& window : windows) {
     rows.push_back({absl::StrFormat("%d-%d", window.first_scan, window.last_scan),
                     absl::StrFormat("%.3f", window.fitness), absl::StrCat(window.inliers),
-                    absl::StrFormat("%.3f", window.correction), window.trusted ? "yes" : "no"});
+                    absl::StrFormat("%.3f", window.correction), absl::StrFormat("%.3f", window.rotation * kDegrees),
+                    absl::StrFormat("%.3f", window.observability), window.trusted ? "yes" : "no"});
   }
   PrintTable(rows);
 }

@@ -17,7 +17,9 @@ struct SessionInfo {
     uint32_t first_scan = 0, last_scan = 0;  ///< both inclusive
     double fitness = 0;                      ///< share of its points within tau_d of the map
     uint32_t inliers = 0;
-    double correction = 0;  ///< metres that refinement moved it
+    double correction = 0;     ///< metres that refinement moved it
+    double rotation = 0;       ///< radians that refinement turned it
+    double observability = 0;  ///< [0, 1]: how well the surroundings fix the weakest direction; near 0 one is open
     bool trusted = false;
   };
 

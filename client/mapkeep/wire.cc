@@ -48,6 +48,8 @@ SessionInfo::Report FromWire(const v1::SessionReport& wire) {
                               .fitness = window.fitness(),
                               .inliers = window.inliers(),
                               .correction = window.correction(),
+                              .rotation = window.rotation(),
+                              .observability = window.observability(),
                               .trusted = window.trusted()});
   }
   for (const v1::StageTime& stage : wire.stages()) report.stages.push_back({stage.stage(), stage.seconds()});
