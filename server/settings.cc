@@ -125,14 +125,15 @@ Setting Boolean(std::string name, Field<bool> field, std::string about) {
 }
 
 Setting Engine(std::string about) {
-  return {"clean.exposure_engine", "fast or exact", std::move(about),
+  return {"clean.exposure_engine", "projection or ray_walk", std::move(about),
           [](const Config& config) {
-            return config.stages.clean.exposure.engine == ExposureEngine::kExact ? "exact" : "fast";
+            return config.stages.clean.exposure.engine == ExposureEngine::kRayWalk ? "ray_walk" : "projection";
           },
           [](Config& config, const SettingValue& value) {
             const auto text = TextOf(value);
-            if (text != "fast" && text != "exact") return false;
-            config.stages.clean.exposure.engine = text == "exact" ? ExposureEngine::kExact : ExposureEngine::kFast;
+            if (text != "projection" && text != "ray_walk") return false;
+            config.stages.clean.exposure.engine =
+                text == "ray_walk" ? ExposureEngine::kRayWalk : ExposureEngine::kProjection;
             return true;
           }};
 }
@@ -212,7 +213,7 @@ std::vector<Setting> MakeSettings() {
              "R below it: a dynamic candidate"),
       Integer("clean.window_radius", MAPKEEP_FIELD(stages.clean.window_radius), 0, 1000000,
               "k of eq. 3: scans to either side; 0: the whole session"),
-      Engine("Rays that are walked: one a voxel that was hit, or every point's"),
+      Engine("How exposures are counted: voxels asked for a ray, or rays walked (the reference)"),
       Boolean("clean.exposure_sub_voxels", MAPKEEP_FIELD(stages.clean.exposure.sub_voxels),
               "A ray exposes a voxel only where the session has points in it, to a quarter of its edge"),
       Boolean("clean.exposure_neighbour_hits", MAPKEEP_FIELD(stages.clean.exposure.neighbour_hits),
@@ -237,6 +238,10 @@ std::vector<Setting> MakeSettings() {
               "N_min of DBSCAN"),
       Number("clean.cluster_threshold", MAPKEEP_FIELD(stages.clean.cluster_threshold), 0, 1,
              "tau_cluster: a cluster whose mean R is below it is dynamic"),
+      Boolean("clean.inherit", MAPKEEP_FIELD(stages.clean.inherit),
+              "Voxels with little evidence follow those around them"),
+      Integer("clean.decided_scans", MAPKEEP_FIELD(stages.clean.decided_scans), 0, 1000000,
+              "H + E from which a voxel's own evidence decides, scans"),
       Boolean("clean.verify_ankles", MAPKEEP_FIELD(stages.clean.verify_ankles),
               "Look for feet and wheels in ground voxels under dynamic ones"),
       Number("clean.ankle_tolerance", MAPKEEP_FIELD(stages.clean.ankle_tolerance), 0, 10,

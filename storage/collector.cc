@@ -177,6 +177,8 @@ class MapCollector {
 
   /// Everything that was superseded by the commit of an epoch up to `lowest`, which everybody's epochs have reached.
   absl::Status DropSuperseded(uint64_t lowest) {
+    // The roots first: a root that is there always leads to a whole tree.
+    if (absl::Status status = DropRoots(lowest); !status.ok()) return status;
     const std::string prefix = "superseded/";
     const std::string end = SupersededRow(lowest + 1);
     std::string begin = prefix;
@@ -192,16 +194,15 @@ class MapCollector {
         counts_.values += names->size();
         done.push_back({row.key, std::nullopt});
       }
-      if (done.empty()) break;
+      if (done.empty()) return absl::OkStatus();
       begin = done.back().key + '\0';
       if (absl::Status status = engine_.Write(partition_, done, Durability::kBuffered); !status.ok()) return status;
     }
-    return DropRoots(lowest);
   }
 
   absl::Status DropRoots(uint64_t lowest) {
     std::vector<Mutation> roots;
-    const absl::Status scanned =
+    absl::Status scanned =
         engine_.Scan(partition_, RootRow(0), RootRow(lowest), [&roots](std::string_view key, std::string_view) {
           roots.push_back({std::string(key), std::nullopt});
           return true;

@@ -34,7 +34,7 @@ struct GarbageCounts {
 ///   attempt that `applied/<session>` names (its intent can come back when a write that timed out is applied late).
 /// - `superseded/<e>` names what no epoch from e on reaches. The oldest epoch is raised first, by compare-and-set; a
 ///   reader's pin requires it unchanged, so every pin that could matter is there when the pins are read after it.
-///   Then rows up to the lower of the two go, values first, the row that names them last.
+///   Then what lies below the lower of the two goes: roots first, values next, the rows that name them last.
 /// - An expired pin is deleted by compare-and-set, too, and its owner can only renew what is there.
 absl::StatusOr<GarbageCounts> CollectGarbage(Engine& engine, const GarbageOptions& options,
                                              const Progress& progress = {});

@@ -36,7 +36,9 @@ enum class Durability {
 
 /// The key-value store underneath: what RocksDB and Ceph RADOS can both do, and nothing else. Partitions are named
 /// groups of rows ordered by key as bytes. Thread-safe. A status of UNKNOWN or DEADLINE_EXCEEDED from a write means
-/// that it may have been applied, or may still be; every other error means that it was not and will not be.
+/// that it may have been applied, or may still be; every other error means that it was not and will not be:
+/// RESOURCE_EXHAUSTED for want of space, INVALID_ARGUMENT for a partition or group whose name is empty or longer than
+/// 65,535 bytes. A read of damaged bytes is DATA_LOSS.
 class Engine {
  public:
   virtual ~Engine() = default;
@@ -45,6 +47,7 @@ class Engine {
   virtual absl::StatusOr<std::optional<std::string>> Get(std::string_view partition, std::string_view key) const = 0;
 
   /// Calls `row` for each row with begin <= key < end (an empty end: to the last), in order, until it returns false.
+  /// Each row is read whole; rows written during the scan may or may not be seen.
   virtual absl::Status Scan(std::string_view partition, std::string_view begin, std::string_view end,
                             const std::function<bool(std::string_view key, std::string_view value)>& row) const = 0;
 
@@ -59,7 +62,7 @@ class Engine {
                                      std::span<const Mutation> mutations) = 0;
 
   /// Writes values that nobody changes afterwards, together under one group (a tile, a session): not atomic, durable
-  /// with the next durable write.
+  /// with the next durable write. The same values may be written again.
   virtual absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) = 0;
 
   /// NOT_FOUND if it was never written or is deleted.

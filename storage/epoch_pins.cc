@@ -64,7 +64,7 @@ absl::Status EpochPins::Place(uint64_t incarnation, Reader& reader, uint64_t epo
       reader.open.clear();
     }
     reader.row = *row;
-    const absl::Status placed = PlaceAnew(incarnation, reader, epoch);
+    absl::Status placed = PlaceAnew(incarnation, reader, epoch);
     if (!absl::IsAborted(placed)) return placed;
   }
   return absl::UnavailableError(Text("epoch ", epoch, " could not be pinned: its map changes too often"));
@@ -93,7 +93,7 @@ absl::Status EpochPins::PlaceAnew(uint64_t incarnation, Reader& reader, uint64_t
     conditions.push_back({std::string(kOldestRow), *oldest ? std::optional((*oldest)->bytes) : std::nullopt});
   }
   const std::vector<Mutation> mutations = {{key_, next.bytes}};
-  const absl::Status written = engine_.CompareAndSet(partition, conditions, mutations);
+  absl::Status written = engine_.CompareAndSet(partition, conditions, mutations);
   if (written.ok()) reader.row = std::move(next);
   return written;
 }

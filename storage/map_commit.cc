@@ -61,7 +61,8 @@ class Committer {
     }
     if (absl::Status status = CheckFence(); !status.ok()) return status;
     EpochState next = base.at;
-    if (absl::Status status = SetOrigin(next); !status.ok()) return status;
+    if (absl::Status status = CheckBase(next); !status.ok()) return status;
+    if (request_.origin) next.origin = request_.origin;
 
     const EpochState at = base.at;
     const std::string head = base.row;
@@ -109,11 +110,23 @@ class Committer {
         Text("session ", request_.session, ": its lease (fence ", request_.lease_fence, ") has moved on"));
   }
 
-  absl::Status SetOrigin(EpochState& next) const {
-    if (!request_.origin) return absl::OkStatus();
-    if (!next.origin) next.origin = request_.origin;
-    if (*next.origin == *request_.origin) return absl::OkStatus();
-    return absl::FailedPreconditionError(Text("map ", map_, " has another origin already"));
+  /// A session's blocks lie in the frame that the map had at its base epoch; a first session that chose an origin
+  /// meanwhile moved that frame.
+  absl::Status CheckBase(const EpochState& head) const {
+    if (request_.origin && head.epoch == 0 && head.origin.value_or(*request_.origin) == *request_.origin) {
+      return absl::OkStatus();
+    }
+    std::optional<Eigen::Vector3d> expected = request_.origin;
+    if (!expected && request_.base_epoch != head.epoch) {
+      const auto base = ReadRow(store_.engine, partition_, RootRow(request_.base_epoch), DecodeEpoch);
+      if (!base.ok()) return base.status();
+      expected = *base ? (*base)->value.origin : head.origin;
+    } else if (!expected) {
+      return absl::OkStatus();
+    }
+    if (expected == head.origin) return absl::OkStatus();
+    return absl::AbortedError(Text("map ", map_, " took another origin since epoch ", request_.base_epoch,
+                                   ", which session ", request_.session, " was aligned to"));
   }
 
   /// Step 0: makes known who writes which values, before they are written, so that they are found again if this

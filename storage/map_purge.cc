@@ -105,7 +105,7 @@ absl::StatusOr<bool> HasLiveIntent(const Engine& engine, const std::string& part
 absl::Status DropRows(Engine& engine, const std::string& partition) {
   while (true) {
     std::vector<Mutation> mutations;
-    const absl::Status scanned = engine.Scan(partition, "", "", [&mutations](std::string_view key, std::string_view) {
+    absl::Status scanned = engine.Scan(partition, "", "", [&mutations](std::string_view key, std::string_view) {
       mutations.push_back({std::string(key), std::nullopt});
       return mutations.size() < kRowsAtOnce;
     });
@@ -120,7 +120,7 @@ absl::Status DropRows(Engine& engine, const std::string& partition) {
 absl::StatusOr<bool> PurgeMap(Engine& engine, uint64_t incarnation, double now) {
   const std::string partition = HeadPartition(incarnation);
   if (absl::Status status = Behead(engine, partition); !status.ok()) return status;
-  const absl::StatusOr<bool> busy = HasLiveIntent(engine, partition, now);
+  absl::StatusOr<bool> busy = HasLiveIntent(engine, partition, now);
   if (!busy.ok()) return busy;
   if (absl::Status status = DropStaged(engine, incarnation, partition); !status.ok()) return status;
   if (absl::Status status = DropSuperseded(engine, incarnation, partition); !status.ok()) return status;

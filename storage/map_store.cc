@@ -87,7 +87,7 @@ absl::Status MapStore::Delete(std::string_view name) {
   Engine& engine = state_->engine;
   const auto map = ReadRow(engine, kCatalogue, CatalogueRow(name), DecodeMap);
   if (!map.ok()) return map.status();
-  const absl::Status missing = absl::NotFoundError(Text("there is no map ", name));
+  absl::Status missing = absl::NotFoundError(Text("there is no map ", name));
   if (!*map) return missing;
   const uint64_t incarnation = (*map)->value.incarnation;
   const std::vector<Condition> conditions = {{CatalogueRow(name), (*map)->bytes}};
@@ -95,7 +95,7 @@ absl::Status MapStore::Delete(std::string_view name) {
       {CatalogueRow(name), std::nullopt},
       {PurgeRowKey(incarnation), EncodeRow(PurgeOrder{incarnation, 0, true})},
   };
-  const absl::Status removed = engine.CompareAndSet(kCatalogue, conditions, mutations);
+  absl::Status removed = engine.CompareAndSet(kCatalogue, conditions, mutations);
   if (absl::IsAborted(removed)) return missing;
   if (!removed.ok()) return removed;
   // The name is gone; what is left of the map goes now, or with the collector.

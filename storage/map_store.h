@@ -42,6 +42,7 @@ struct BlockRange {
 };
 
 /// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
+/// The store outlives it. A process that slept past its pin gets FAILED_PRECONDITION for what was collected meanwhile.
 class Snapshot final {
  public:
   struct State;
@@ -87,7 +88,7 @@ struct CommitRequest {
   std::string session;
   uint64_t base_epoch = 0;
   uint64_t lease_fence = 0;               ///< of the session's lease, which must not move on; 0: nobody may hold one
-  std::optional<Eigen::Vector3d> origin;  ///< sets the map's origin in the same step; only on a map without one
+  std::optional<Eigen::Vector3d> origin;  ///< sets the map's origin in the same step; only by a map's first commit
   std::function<absl::StatusOr<std::vector<Block>>(const Snapshot& head)> blocks;
 };
 
@@ -115,8 +116,9 @@ class MapStore final {
   absl::StatusOr<std::unique_ptr<Snapshot>> Open(std::string_view map, std::optional<uint64_t> epoch = {}) const;
 
   /// Commits exactly once: if the session is applied already, gives the record of then and calls nothing. ABORTED if
-  /// the lease moved on or the map was deleted meanwhile; errors of `blocks` are passed on. On any error nothing of it
-  /// is in the map.
+  /// the lease moved on, the map was deleted, or another session gave the map an origin since the base epoch; errors of
+  /// `blocks` are passed on. On these errors nothing of it is in the map. UNKNOWN or DEADLINE_EXCEEDED if the engine
+  /// gives no answer for long: call again to learn the outcome.
   absl::StatusOr<CommitRecord> Commit(std::string_view map, const CommitRequest& request);
 
   /// The record of a session's commit, if it is applied.

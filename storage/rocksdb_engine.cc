@@ -6,6 +6,7 @@
 #include <rocksdb/db.h>
 #include <rocksdb/env.h>
 #include <rocksdb/filter_policy.h>
+#include <rocksdb/listener.h>
 #include <rocksdb/options.h>
 #include <rocksdb/table.h>
 #include <rocksdb/utilities/checkpoint.h>
@@ -214,9 +215,19 @@ class RocksDbEngine final : public Engine {
   std::atomic<bool> stopped_ = false;
 };
 
+/// RocksDB would look every five seconds whether a full disk has space again, and be busy with that; the next write
+/// does.
+class ResumeOnWrite final : public rocksdb::EventListener {
+ public:
+  void OnErrorRecoveryBegin(rocksdb::BackgroundErrorReason, rocksdb::Status, bool* automatic) override {
+    *automatic = false;
+  }
+};
+
 rocksdb::Options DatabaseOptions(const RocksDbOptions& options) {
   rocksdb::Options database;
   if (options.env != nullptr) database.env = options.env;
+  database.listeners.push_back(std::make_shared<ResumeOnWrite>());
   database.create_if_missing = true;
   database.create_missing_column_families = true;
   database.db_write_buffer_size = options.write_buffer_bytes;

@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cstring>
+#include <functional>
 
 #include "core/checksum/crc32c.h"
 #include "storage/byte_planes.h"
@@ -22,15 +23,21 @@ uint32_t ChecksumOf(std::string_view value) {
   return Crc32c(value.substr(kFlagsAt), Crc32c(value.substr(0, kChecksumAt)));
 }
 
-std::string Columns(const Scan& scan) {
-  const size_t count = scan.points.size();
-  std::string out;
-  out.reserve(16 * count);
+/// Each plane of bytes is a part: the low bytes of a float are noise, its high ones are few.
+void AppendFloats(Parts& parts, size_t count, const std::function<float(size_t)>& get) {
+  const size_t begin = parts.bytes.size();
+  AppendPlanes<4>(parts.bytes, count, [&](size_t i) { return std::bit_cast<uint32_t>(get(i)); });
+  for (size_t plane = 1; plane <= 4 && count > 0; ++plane) parts.ends.push_back(begin + plane * count);
+}
+
+Parts Columns(const Scan& scan) {
+  Parts parts;
+  parts.bytes.reserve(sizeof(float) * (3 * scan.points.size() + scan.intensities.size()));
   for (int axis = 0; axis < 3; ++axis) {
-    AppendPlanes<4>(out, count, [&](size_t i) { return std::bit_cast<uint32_t>(scan.points[i][axis]); });
+    AppendFloats(parts, scan.points.size(), [&](size_t i) { return scan.points[i][axis]; });
   }
-  AppendPlanes<4>(out, scan.intensities.size(), [&](size_t i) { return std::bit_cast<uint32_t>(scan.intensities[i]); });
-  return out;
+  AppendFloats(parts, scan.intensities.size(), [&](size_t i) { return scan.intensities[i]; });
+  return parts;
 }
 
 }  // namespace

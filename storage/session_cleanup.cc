@@ -20,7 +20,7 @@ absl::Status DeleteScanValues(Engine& engine, const SessionCleanup& cleanup) {
   for (uint32_t first = 0; first < cleanup.scan_count; first += kKeysAtOnce) {
     std::vector<std::string> keys;
     for (uint32_t i = first; i < cleanup.scan_count && keys.size() < kKeysAtOnce; ++i) keys.push_back(ScanKey(i));
-    const absl::Status deleted = engine.DeleteValues(SessionGroup(cleanup.incarnation), keys);
+    absl::Status deleted = engine.DeleteValues(SessionGroup(cleanup.incarnation), keys);
     if (!deleted.ok()) return deleted;
   }
   return absl::OkStatus();
@@ -29,21 +29,20 @@ absl::Status DeleteScanValues(Engine& engine, const SessionCleanup& cleanup) {
 absl::Status DeletePoseValues(Engine& engine, const SessionCleanup& cleanup) {
   const std::string group = SessionGroup(cleanup.incarnation);
   std::vector<std::string> keys;
-  const absl::Status scanned =
-      engine.ScanValueKeys(group, kPosesPrefix, EndOf(kPosesPrefix), [&keys](std::string_view key) {
-        keys.emplace_back(key);
-        return true;
-      });
+  absl::Status scanned = engine.ScanValueKeys(group, kPosesPrefix, EndOf(kPosesPrefix), [&keys](std::string_view key) {
+    keys.emplace_back(key);
+    return true;
+  });
   return scanned.ok() ? engine.DeleteValues(group, keys) : scanned;
 }
 
 absl::StatusOr<uint64_t> FinishCleanupsOf(Engine& engine, std::string_view map) {
   std::vector<std::string> rows;
-  const absl::Status scanned = engine.Scan(SessionPartition(map), kCleanupPrefix, EndOf(kCleanupPrefix),
-                                           [&rows](std::string_view, std::string_view row) {
-                                             rows.emplace_back(row);
-                                             return true;
-                                           });
+  absl::Status scanned = engine.Scan(SessionPartition(map), kCleanupPrefix, EndOf(kCleanupPrefix),
+                                     [&rows](std::string_view, std::string_view row) {
+                                       rows.emplace_back(row);
+                                       return true;
+                                     });
   if (!scanned.ok()) return scanned;
   for (const std::string& row : rows) {
     const absl::StatusOr<SessionCleanup> cleanup = DecodeCleanup(row);
@@ -56,8 +55,8 @@ absl::StatusOr<uint64_t> FinishCleanupsOf(Engine& engine, std::string_view map) 
 /// Forgets a map without sessions. A session made meanwhile changes the row, which then stays.
 absl::Status ForgetIfEmpty(Engine& engine, std::string_view map, const std::string& row) {
   bool empty = true;
-  const absl::Status scanned = engine.Scan(SessionPartition(map), "", "",
-                                           [&empty](std::string_view, std::string_view) { return empty = false; });
+  absl::Status scanned = engine.Scan(SessionPartition(map), "", "",
+                                     [&empty](std::string_view, std::string_view) { return empty = false; });
   if (!scanned.ok() || !empty) return scanned;
   const std::vector<Condition> conditions = {{SessionMapRow(map), row}};
   const std::vector<Mutation> mutations = {{SessionMapRow(map), std::nullopt}};
@@ -95,7 +94,7 @@ absl::Status FinishCleanup(Engine& engine, std::string_view map, const SessionCl
 absl::StatusOr<uint64_t> FinishCleanups(Engine& engine) {
   const std::string prefix = SessionMapRow("");
   std::vector<std::pair<std::string, std::string>> maps;
-  const absl::Status scanned =
+  absl::Status scanned =
       engine.Scan(kSessionMaps, prefix, EndOf(prefix), [&](std::string_view key, std::string_view row) {
         maps.emplace_back(key.substr(prefix.size()), row);
         return true;
@@ -103,7 +102,7 @@ absl::StatusOr<uint64_t> FinishCleanups(Engine& engine) {
   if (!scanned.ok()) return scanned;
   uint64_t finished = 0;
   for (const auto& [map, row] : maps) {
-    const absl::StatusOr<uint64_t> count = FinishCleanupsOf(engine, map);
+    absl::StatusOr<uint64_t> count = FinishCleanupsOf(engine, map);
     if (!count.ok()) return count;
     finished += *count;
     if (absl::Status status = ForgetIfEmpty(engine, map, row); !status.ok()) return status;

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
+#include <optional>
 #include <utility>
 
 #include "storage/map_layout.h"
@@ -105,8 +107,10 @@ absl::StatusOr<StoredSession> ChangeSession(Engine& engine, std::string_view map
                                             const ChangeMaker& make) {
   absl::Status last;
   std::string wanted;
+  std::optional<StoredSession> deleted;  // by a try that went unanswered
   for (int i = 0; i < kTries; ++i) {
     const absl::StatusOr<StoredRow<StoredSession>> found = FindStored(engine, map, id);
+    if (absl::IsNotFound(found.status()) && deleted) return *std::move(deleted);
     if (!found.ok()) return found.status();
     if (found->bytes == wanted) return found->value;  // an unanswered try came through
     absl::StatusOr<Change> change = make(found->value);
@@ -118,6 +122,7 @@ absl::StatusOr<StoredSession> ChangeSession(Engine& engine, std::string_view map
     const std::vector<Condition> conditions = {{SessionRowKey(id), found->bytes}};
     last = engine.CompareAndSet(SessionPartition(map), conditions, mutations);
     if (last.ok()) return change->next;
+    if (change->deletes && !absl::IsAborted(last)) deleted = change->next;
     if (!absl::IsAborted(last) && !absl::IsUnknown(last) && !absl::IsDeadlineExceeded(last)) return last;
   }
   return last;
@@ -422,7 +427,7 @@ absl::Status SessionStore::DeleteAll(std::string_view map) {
     if (!positions.ok()) return positions.status();
     if (positions->empty()) return absl::OkStatus();
     for (const std::string& position : *positions) {
-      const absl::Status deleted = DeleteSession(engine_, map, IdIn(position), true);
+      absl::Status deleted = DeleteSession(engine_, map, IdIn(position), true);
       if (!deleted.ok() && !absl::IsNotFound(deleted)) return deleted;
     }
   }

@@ -27,13 +27,16 @@ absl::StatusOr<StoredRow<EpochState>> ReadEpoch(const Engine& engine, uint64_t i
   if (*epoch > newest) {
     return absl::NotFoundError(Text("map ", map, " has no epoch ", *epoch, ": its newest is ", newest));
   }
+  const auto oldest = ReadRow(engine, partition, kOldestRow, DecodeNumber);
+  if (!oldest.ok()) return oldest.status();
+  if (*oldest && *epoch < (*oldest)->value) {
+    return absl::FailedPreconditionError(
+        Text("epoch ", *epoch, " is collected: the oldest one kept is ", (*oldest)->value));
+  }
   auto root = ReadRow(engine, partition, RootRow(*epoch), DecodeEpoch);
   if (!root.ok()) return root.status();
   if (*root) return **std::move(root);
-  const auto oldest = ReadRow(engine, partition, kOldestRow, DecodeNumber);
-  if (!oldest.ok()) return oldest.status();
-  return absl::FailedPreconditionError(
-      Text("epoch ", *epoch, " is collected: the oldest one kept is ", *oldest ? (*oldest)->value : uint64_t{0}));
+  return absl::DataLossError(Text("map ", map, ": the root of epoch ", *epoch, " is missing"));
 }
 
 }  // namespace
@@ -56,9 +59,9 @@ absl::StatusOr<std::unique_ptr<const Snapshot::State>> OpenState(MapStore::State
       return refused;
     }
     (*record)->value.origin = row->value.origin;
-    return std::make_unique<const Snapshot::State>((*record)->value, std::move(row->value), std::move(row->bytes),
-                                                   MapValues(store.engine, store.caches, incarnation),
-                                                   *std::move(hold));
+    return std::unique_ptr<const Snapshot::State>(
+        new Snapshot::State{(*record)->value, std::move(row->value), std::move(row->bytes),
+                            MapValues(store.engine, store.caches, incarnation), *std::move(hold)});
   }
   return refused;
 }

@@ -2,12 +2,15 @@
 
 #include <zstd.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "storage/text.h"
 
 namespace mapkeep {
 namespace {
+
+constexpr size_t kBlockOverhead = 32;  ///< more than a block adds to what it holds
 
 struct FreeContext {
   void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
@@ -16,13 +19,26 @@ struct FreeContext {
 
 }  // namespace
 
-absl::StatusOr<std::string> Compress(std::string_view bytes, int level) {
+absl::StatusOr<std::string> Compress(const Parts& parts, int level) {
   // Making a context costs more than compressing a small block.
   thread_local const std::unique_ptr<ZSTD_CCtx, FreeContext> context(ZSTD_createCCtx());
-  std::string frame(ZSTD_compressBound(bytes.size()), '\0');
-  const size_t size = ZSTD_compressCCtx(context.get(), frame.data(), frame.size(), bytes.data(), bytes.size(), level);
-  if (ZSTD_isError(size) != 0) return absl::InternalError(Text("zstd: ", ZSTD_getErrorName(size)));
-  frame.resize(size);
+  ZSTD_CCtx_reset(context.get(), ZSTD_reset_session_only);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, level);
+  ZSTD_CCtx_setPledgedSrcSize(context.get(), parts.bytes.size());
+  std::string frame(ZSTD_compressBound(parts.bytes.size()) + kBlockOverhead * (parts.ends.size() + 1), '\0');
+  ZSTD_outBuffer out{frame.data(), frame.size(), 0};
+  ZSTD_inBuffer in{parts.bytes.data(), 0, 0};
+  for (size_t i = 0; i < std::max<size_t>(parts.ends.size(), 1); ++i) {
+    const bool last = i + 1 >= parts.ends.size();
+    in.size = last ? parts.bytes.size() : parts.ends[i];
+    size_t left = 1;
+    while (left != 0) {
+      left = ZSTD_compressStream2(context.get(), &out, &in, last ? ZSTD_e_end : ZSTD_e_flush);
+      if (ZSTD_isError(left) != 0) return absl::InternalError(Text("zstd: ", ZSTD_getErrorName(left)));
+      if (left != 0 && out.pos == out.size) return absl::InternalError("zstd: a frame longer than its bound");
+    }
+  }
+  frame.resize(out.pos);
   return frame;
 }
 

@@ -6,7 +6,9 @@
 #include <absl/strings/str_split.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "client/cli/command_line.h"
@@ -62,6 +64,12 @@ absl::StatusOr<Eigen::AlignedBox3d> ParseBox(const std::string& option, const st
     return absl::InvalidArgumentError(absl::StrFormat("%s '%s': every MIN must be below its MAX", option, text));
   }
   return box;
+}
+
+absl::StatusOr<InitialPose> ParseInitialPose(const std::string& option, const std::string& text) {
+  const absl::StatusOr<std::vector<double>> numbers = ParseNumbers(option, text, 4, "X,Y,Z,YAW (degrees)");
+  if (!numbers.ok()) return numbers.status();
+  return InitialPose{Eigen::Vector3d(numbers->data()), (*numbers)[3] * std::numbers::pi / 180};
 }
 
 std::string SessionIdFrom(const std::string& directory_name, uint32_t content_checksum) {

@@ -5,6 +5,8 @@
 #include <Eigen/Geometry>
 #include <string>
 
+#include "client/cli/initial_pose.h"
+
 namespace mapkeep {
 
 /// "X,Y,Z": three finite numbers. INVALID_ARGUMENT naming the option otherwise.
@@ -12,6 +14,9 @@ absl::StatusOr<Eigen::Vector3d> ParsePoint(const std::string& option, const std:
 
 /// "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", every min below its max.
 absl::StatusOr<Eigen::AlignedBox3d> ParseBox(const std::string& option, const std::string& text);
+
+/// "X,Y,Z,YAW": metres and degrees.
+absl::StatusOr<InitialPose> ParseInitialPose(const std::string& option, const std::string& text);
 
 /// A session id from what the session is: the directory's name, made fit for an id, and a checksum of its content. The
 /// same scans give the same id, so that an upload repeated is an upload resumed.

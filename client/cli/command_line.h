@@ -40,6 +40,7 @@ void AddExportCommand(CommandLine& line);
 void AddQueryCommand(CommandLine& line);
 void AddCleanCommand(CommandLine& line);
 void AddPictureCommand(CommandLine& line);
+void AddSimulateCommand(CommandLine& line);
 
 /// Accepts a map's or session's name: [A-Za-z0-9][A-Za-z0-9._:-]{0,127}.
 CLI::Validator NameValidator();

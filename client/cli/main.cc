@@ -14,6 +14,7 @@ constexpr char kExamples[] = R"(Examples:
   mapkeep export street street.pcd
   mapkeep query street 12.5 -3.0 0.4
   mapkeep clean drive-0005 out          (no server needed)
+  mapkeep simulate street               (no server needed)
 
 Exit status: 0 done, 1 the operation failed, 2 usage or bad input.)";
 
@@ -35,6 +36,7 @@ int Run(int argc, char** argv) {
   AddQueryCommand(line);
   AddCleanCommand(line);
   AddPictureCommand(line);
+  AddSimulateCommand(line);
   app.footer(kExamples);  // last, for commands inherit what is set when they are added
   try {
     app.parse(argc, argv);

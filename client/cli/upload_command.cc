@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "client/cli/arguments.h"
+#include "client/cli/initial_pose.h"
 #include "client/cli/interruption.h"
 #include "client/cli/json_values.h"
 #include "client/cli/output.h"
@@ -36,6 +37,7 @@ struct UploadArguments {
   std::string robot;
   bool keep_scans = false;
   bool wait = false;
+  std::string initial_pose;  ///< empty: the poses as they are
 };
 
 std::string DefaultId(const fs::path& directory, const std::vector<uint32_t>& checksums) {
@@ -55,8 +57,13 @@ struct Sent {
 Sent Send(const GlobalOptions& options, const Client& client, const UploadArguments& arguments) {
   const Interruption interruption;
   ProgressLine line(options.json);
-  const absl::StatusOr<SessionDirectory> directory = OpenSessionInput(arguments.input);
+  absl::StatusOr<SessionDirectory> directory = OpenSessionInput(arguments.input);
   if (!directory.ok()) return {{}, BadInput(directory.status())};
+  if (!arguments.initial_pose.empty()) {
+    const absl::StatusOr<InitialPose> start = ParseInitialPose("--initial-pose", arguments.initial_pose);
+    if (!start.ok()) return {{}, BadInput(start.status())};
+    BeginAt(*start, directory->poses);
+  }
   const ScanSource scans = SourceOf(*directory);
   const auto show = [&](const char* stage) {
     return [&, stage](double fraction) {
@@ -111,6 +118,10 @@ void AddUploadCommand(CommandLine& line, CLI::App& group) {
       ->check(NameValidator());
   command->add_option("--robot", arguments->robot, "Who drove");
   command->add_flag("--keep-scans", arguments->keep_scans, "Keep the scans on the server after the commit");
+  command
+      ->add_option("--initial-pose", arguments->initial_pose,
+                   "Where the first scan was taken, in metres and degrees: moves the whole session there")
+      ->type_name("X,Y,Z,YAW");
   command->add_flag("--wait", arguments->wait, "Wait until it is merged: exit 0 only if it was committed");
   command->callback(
       [&line, arguments] { line.action = [&line, arguments] { return Upload(line.options, *arguments); }; });

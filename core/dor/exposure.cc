@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <mutex>
+#include <numbers>
 #include <utility>
 
+#include "core/dor/ray_bins.h"
 #include "core/dor/scan_loop.h"
 #include "core/dor/sub_voxels.h"
 #include "core/voxels/ray_walk.h"
@@ -48,8 +51,15 @@ class ScanMarks {
     marks_.clear();
   }
 
-  std::vector<VoxelIndex> voxels;  // of the scan's points
-  std::vector<uint32_t> rays;      // points whose rays are walked
+  // The marks of a brick, or nullptr where the scan has left none.
+  const Marks* Find(int32_t brick) const {
+    const int32_t local = of_brick_[brick];
+    return local == kNoBrick ? nullptr : &marks_[local];
+  }
+
+  std::vector<VoxelIndex> voxels;        // of the scan's points
+  std::vector<Eigen::Vector3d> to_ends;  // from the sensor to the points, in voxel edges
+  RayBins bins;
 
  private:
   std::vector<int32_t> of_brick_;
@@ -67,39 +77,57 @@ class ScanCount {
         grid_(voxels.grid),
         masks_(voxels.masks),
         parameters_(parameters),
+        from_(pose.translation() / voxel_size),
+        end_(1 - parameters.margin_by_range),
         scratch_(scratch) {}
 
-  // Marks what the points hit and collects the rays to walk.
+  // Marks what the points hit.
   void MarkHits() {
-    scratch_.rays.clear();
     int32_t brick = kNoBrick;
     VoxelIndex corner;
-    for (uint32_t i = 0; i < scratch_.voxels.size(); ++i) {
-      const VoxelIndex& voxel = scratch_.voxels[i];
+    for (const VoxelIndex& voxel : scratch_.voxels) {
       const VoxelIndex of{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
       if (brick == kNoBrick || of != corner) {
         brick = grid_.FindBrick(of.x, of.y, of.z);
         corner = of;
       }
       const uint64_t bit = BitInLayer(voxel.x, voxel.y);
-      ScanMarks::Marks& marks = scratch_.Of(brick);
       const int layer = LayerInBrick(voxel.z);
-      const bool is_new = (marks.hit[layer] & bit) == 0;
-      if (is_new || parameters_.engine == ExposureEngine::kExact) scratch_.rays.push_back(i);
-      if (!is_new) continue;
+      ScanMarks::Marks& marks = scratch_.Of(brick);
+      if ((marks.hit[layer] & bit) != 0) continue;
       marks.hit[layer] |= bit;
       marks.shielded[layer] |= bit;
       if (parameters_.neighbour_hits) ShieldAround(voxel, brick);
     }
   }
 
+  // The reference: walks the ray of every point.
   void WalkRays(const VoxelIndex& sensor) {
-    const Eigen::Vector3d from = pose_.translation() / voxel_size_;
-    for (const uint32_t ray : scratch_.rays) WalkRay(from, sensor, World(ray) / voxel_size_, scratch_.voxels[ray]);
+    for (size_t i = 0; i < scratch_.voxels.size(); ++i) WalkRay(sensor, Ray(ToEnd(i)), scratch_.voxels[i]);
+  }
+
+  // The same without walking: asks for every voxel that the scan might see whether a ray passes through it.
+  void ProjectVoxels() {
+    scratch_.to_ends.clear();
+    for (size_t i = 0; i < scratch_.voxels.size(); ++i) scratch_.to_ends.push_back(ToEnd(i));
+    scratch_.bins.Build(scratch_.to_ends, end_);
+    for (const BlockBricks& block : grid_.blocks()) {
+      if (!MayReachCube(block.corner, kBlockSize)) continue;
+      for (int32_t brick = block.first; brick < block.end; ++brick) {
+        if (MayReachCube(grid_.CornerOfBrick(brick), kBrickSize)) ProjectBrick(brick);
+      }
+    }
   }
 
  private:
-  Eigen::Vector3d World(uint32_t point) const { return pose_ * scan_.points[point].cast<double>(); }
+  Eigen::Vector3d ToEnd(size_t point) const {
+    return (pose_ * scan_.points[point].cast<double>()) / voxel_size_ - from_;
+  }
+
+  uint64_t MaskOf(uint32_t id) const {
+    // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
+    return parameters_.sub_voxels && masks_[id] != 0 ? masks_[id] : kFullMask;
+  }
 
   // The 8 voxels around in the same layer.
   void ShieldAround(const VoxelIndex& voxel, int32_t brick) {
@@ -118,44 +146,58 @@ class ScanCount {
     }
   }
 
-  // Exposes voxels between the sensor and the point, skipping space where the session has none. Lengths in voxel edges.
-  void WalkRay(const Eigen::Vector3d& from, const VoxelIndex& first, const Eigen::Vector3d& to,
-               const VoxelIndex& last) {
-    const Eigen::Vector3d along = to - from;
-    const double end = 1 - parameters_.margin_by_range;
-    RayWalk walk(from, first, to, last);
-    while (!walk.done() && walk.entry_time() < end) {
+  void WalkRay(const VoxelIndex& sensor, const Ray& ray, const VoxelIndex& last) {
+    RayWalk walk(from_, sensor, from_ + ray.along, last);
+    while (!walk.done() && walk.entry_time() < end_) {
       const auto [x, y, z] = walk.at();
-      const int32_t block = grid_.FindBlock(x >> kBlockBits, y >> kBlockBits, z >> kBlockBits);
-      if (block == kNoBrick) {
-        walk.LeaveCube(kBlockBits);
-        continue;
-      }
-      const int32_t brick = grid_.BrickInBlock(block, x >> kBrickBits, y >> kBrickBits, z >> kBrickBits);
+      const int32_t brick = grid_.FindBrick(x >> kBrickBits, y >> kBrickBits, z >> kBrickBits);
       if (brick == kNoBrick) {
         walk.LeaveCube(kBrickBits);
         continue;
       }
+      const VoxelIndex voxel{x, y, z};
+      const int layer = LayerInBrick(z);
+      const uint64_t bit = BitInLayer(x, y);
       ScanMarks::Marks& marks = scratch_.Of(brick);
-      const BrickBits& occupied = grid_.bits(brick);
-      const VoxelIndex in{x >> kBrickBits, y >> kBrickBits, z >> kBrickBits};
-      do {
-        const auto& at = walk.at();
-        const int layer = LayerInBrick(at[2]);
-        const uint64_t bit = BitInLayer(at[0], at[1]);
-        const bool open = (occupied[layer] & ~marks.shielded[layer] & ~marks.exposed[layer] & bit) != 0;
-        if (open && walk.exit_time() <= end) {
-          const uint64_t mask = masks_[grid_.IdInBrick(brick, layer, bit)];
-          // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
-          const bool seen =
-              !parameters_.sub_voxels || mask == 0 ||
-              PassesSubVoxels(mask, {at[0], at[1], at[2]}, from, along, walk.entry_time(), walk.exit_time());
-          if (seen) marks.exposed[layer] |= bit;
-        }
-        walk.Step();
-      } while (!walk.done() && walk.at()[0] >> kBrickBits == in.x && walk.at()[1] >> kBrickBits == in.y &&
-               walk.at()[2] >> kBrickBits == in.z);
+      if ((grid_.bits(brick)[layer] & ~marks.shielded[layer] & ~marks.exposed[layer] & bit) != 0) {
+        const uint64_t mask = MaskOf(grid_.IdInBrick(brick, layer, bit));
+        if (SeesThrough(ray, from_, voxel, mask, BoxOf(mask), end_)) marks.exposed[layer] |= bit;
+      }
+      walk.Step();
     }
+  }
+
+  bool MayReachCube(const VoxelIndex& corner, int32_t size) const {
+    const Eigen::Vector3d centre(corner.x + 0.5 * size, corner.y + 0.5 * size, corner.z + 0.5 * size);
+    return scratch_.bins.MayReach(centre - from_, std::numbers::sqrt3 / 2 * size);
+  }
+
+  void ProjectBrick(int32_t brick) {
+    const ScanMarks::Marks* marks = scratch_.Find(brick);
+    const VoxelIndex corner = grid_.CornerOfBrick(brick);
+    for (int layer = 0; layer < kBrickSize; ++layer) {
+      const uint64_t open = grid_.bits(brick)[layer] & ~(marks == nullptr ? 0 : marks->shielded[layer]);
+      if (open == 0) continue;
+      uint64_t exposed = 0;
+      for (uint64_t rest = open; rest != 0; rest &= rest - 1) {
+        const uint64_t bit = rest & -rest;
+        const int at = std::countr_zero(rest);
+        const VoxelIndex voxel{corner.x + (at & 7), corner.y + (at >> 3), corner.z + layer};
+        if (IsExposed(voxel, MaskOf(grid_.IdInBrick(brick, layer, bit)))) exposed |= bit;
+      }
+      if (exposed == 0) continue;
+      scratch_.Of(brick).exposed[layer] |= exposed;
+      marks = scratch_.Find(brick);
+    }
+  }
+
+  bool IsExposed(const VoxelIndex& voxel, uint64_t mask) const {
+    const MaskBox box = BoxOf(mask);
+    const Eigen::Vector3d extent(box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]);
+    const Eigen::Vector3d centre = Eigen::Vector3d(voxel.x, voxel.y, voxel.z) +
+                                   Eigen::Vector3d(box.low[0], box.low[1], box.low[2]) / 4 + extent / 8 - from_;
+    return scratch_.bins.AnyRay(centre, extent.norm() / 8,
+                                [&](const Ray& ray) { return SeesThrough(ray, from_, voxel, mask, box, end_); });
   }
 
   const Scan& scan_;
@@ -164,6 +206,8 @@ class ScanCount {
   const VoxelGrid& grid_;
   const std::vector<uint64_t>& masks_;
   const ExposureParameters& parameters_;
+  const Eigen::Vector3d from_;  // the sensor, in voxel edges
+  const double end_;            // the share of a ray that exposes
   ScanMarks& scratch_;
 };
 
@@ -241,7 +285,11 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
     if (!sensor.ok()) return {sensor.status().code(), absl::StrCat("its sensor position: ", sensor.status().message())};
     ScanCount scan_count(scan, poses[index], voxel_size, voxels, parameters, scratch);
     scan_count.MarkHits();
-    scan_count.WalkRays(*sensor);
+    if (parameters.engine == ExposureEngine::kRayWalk) {
+      scan_count.WalkRays(*sensor);
+    } else {
+      scan_count.ProjectVoxels();
+    }
     AddScan(grid, scratch, counts);
     scratch.Clear();
     return absl::OkStatus();

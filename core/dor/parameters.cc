@@ -29,6 +29,7 @@ absl::Status CheckParameters(const DorParameters& p) {
       Range{"cluster_radius", p.cluster_radius, 0.01, 100},
       Range{"cluster_min_neighbours", static_cast<double>(p.cluster_min_neighbours), 1, 1e6},
       Range{"cluster_threshold", p.cluster_threshold, 0, 1},
+      Range{"decided_scans", static_cast<double>(p.decided_scans), 0, 1e6},
       Range{"ankle_tolerance", p.ankle_tolerance, 0, 10},
   };
   for (const Range& range : ranges) {

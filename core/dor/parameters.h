@@ -6,15 +6,15 @@
 
 namespace mapkeep {
 
-/// Which rays of a scan are walked to count exposures.
+/// How the voxels that a scan looked through are found. Both see the same but for rays that touch corners.
 enum class ExposureEngine : uint8_t {
-  kFast,   ///< one ray a voxel that was hit: to the first point in it. Never sees through what kExact does not.
-  kExact,  ///< the ray of every point: the reference
+  kProjection,  ///< asks for every voxel in reach whether a ray of the scan passes through it; the fastest
+  kRayWalk,     ///< walks the ray of every point from voxel to voxel: the reference
 };
 
 /// How exposures are counted (E of eq. 4). The switches off and a margin of 0 are the paper's count.
 struct ExposureParameters {
-  ExposureEngine engine = ExposureEngine::kFast;
+  ExposureEngine engine = ExposureEngine::kProjection;
   bool sub_voxels = true;  ///< a ray exposes a voxel only where the session has points in it, to a quarter of its edge
   bool neighbour_hits = true;     ///< a voxel is not exposed by a scan that hits one beside it in its layer
   double margin_by_range = 0.02;  ///< the last part of a ray exposes nothing: metres a metre of its length
@@ -41,8 +41,11 @@ struct DorParameters {
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
   double cluster_threshold = 0.4;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
-  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones
-  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the voxel's mean height go, metres
+  bool inherit = true;    ///< voxels with little evidence follow those around them
+  int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
+
+  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
+  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the ground go, metres
 
   bool restore = true;  ///< give points of isolated dynamic voxels back with the probability of eq. 6
   uint64_t seed = 0;    ///< of eq. 6, together with voxel, scan and point

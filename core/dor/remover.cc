@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "core/dor/exposure.h"
-#include "core/dor/restoration.h"
 #include "core/dor/scan_loop.h"
 #include "core/dor/verdict.h"
 #include "core/voxels/voxel_grid.h"
@@ -33,33 +32,20 @@ std::vector<PointLabel> LabelPoints(const Window& window, const Scan& scan, cons
   std::vector<PointLabel> labels(scan.points.size(), PointLabel::kStatic);
   std::vector<VoxelIndex> voxels;
   if (!VoxelsOfScan(scan, pose, parameters.voxel_size, voxels).ok()) return labels;
+  int32_t brick = kNoBrick;
+  VoxelIndex brick_at;
   for (size_t i = 0; i < labels.size(); ++i) {
-    const uint32_t id = window.grid.Find(voxels[i]);
-    if (id == kNoVoxel) continue;
-    switch (window.verdict.voxels[id]) {
-      case VoxelVerdict::kStatic:
-        break;
-      case VoxelVerdict::kGround:
-        labels[i] = PointLabel::kGround;
-        break;
-      case VoxelVerdict::kDynamic:
-        labels[i] = PointLabel::kDynamic;
-        break;
-      case VoxelVerdict::kAnkle: {
-        const double height = (pose * scan.points[i].cast<double>()).z();
-        const bool above = height > window.verdict.ankle_heights.at(id);
-        labels[i] = above ? PointLabel::kDynamic : PointLabel::kGround;
-        break;
-      }
-      case VoxelVerdict::kIsolated: {
-        const double probability = window.verdict.restore_probabilities.at(id);
-        const bool restored = IsRestored(probability, VoxelKeyOf(voxels[i]), i, parameters.seed);
-        labels[i] = restored ? PointLabel::kStatic : PointLabel::kDynamic;
-        counts.restored += restored;
-        break;
-      }
+    const VoxelIndex in{voxels[i].x >> kBrickBits, voxels[i].y >> kBrickBits, voxels[i].z >> kBrickBits};
+    if (i == 0 || in != brick_at) {
+      brick = window.grid.FindBrick(in.x, in.y, in.z);
+      brick_at = in;
     }
+    const uint32_t id = brick == kNoBrick ? kNoVoxel : window.grid.FindInBrick(brick, voxels[i]);
+    if (id == kNoVoxel) continue;  // not a scan of the session
+    const double height = (pose * scan.points[i].cast<double>()).z();
+    labels[i] = LabelOf(window.verdict, id, voxels[i], height, i, parameters.seed);
     counts.removed += labels[i] == PointLabel::kDynamic;
+    counts.restored += window.verdict.voxels[id] == VoxelVerdict::kIsolated && labels[i] == PointLabel::kStatic;
   }
   return labels;
 }

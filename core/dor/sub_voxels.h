@@ -2,23 +2,65 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cstdint>
 
 #include "core/voxels/voxel_index.h"
 
 namespace mapkeep {
 
-/// Whether the ray from + t along, t in [enter, leave], the stretch inside the voxel with the given lowest corner,
-/// passes through a sub-voxel (a quarter of the edge) that is set in the mask (bit x + 4 y + 16 z). Lengths in voxel
-/// edges. The stretch is sampled, at most a fifth of a sub-voxel apart in each axis' steps of a diagonal, so that it
-/// may miss a corner that the ray only clips.
-inline bool PassesSubVoxels(uint64_t mask, const VoxelIndex& voxel, const Eigen::Vector3d& from,
-                            const Eigen::Vector3d& along, double enter, double leave) {
-  constexpr int kSamples = 12;
-  const Eigen::Vector3d start = 4 * (from + enter * along - Eigen::Vector3d(voxel.x, voxel.y, voxel.z));
-  const Eigen::Vector3d step = 4 * (leave - enter) / kSamples * along;
-  for (int i = 0; i < kSamples; ++i) {
-    const Eigen::Vector3d at = start + (i + 0.5) * step;
+inline constexpr uint64_t kFullMask = ~uint64_t{0};
+
+/// The box around the occupied sub-voxels of a mask (bit x + 4 y + 16 z, quarters of a voxel's edge), in sub-voxels:
+/// low inclusive, high exclusive.
+struct MaskBox {
+  std::array<int, 3> low{}, high{};
+
+  int volume() const { return (high[0] - low[0]) * (high[1] - low[1]) * (high[2] - low[2]); }
+};
+
+/// The box of a mask that is not empty.
+inline MaskBox BoxOf(uint64_t mask) {
+  const uint64_t low_half = mask | mask >> 32;
+  const auto layer = static_cast<uint32_t>((low_half | low_half >> 16) & 0xffff);  // all z: bit x + 4 y
+  const uint32_t x = (layer | layer >> 4 | layer >> 8 | layer >> 12) & 0xf;
+  MaskBox box;
+  box.low = {std::countr_zero(x), std::countr_zero(layer) / 4, std::countr_zero(mask) / 16};
+  box.high = {32 - std::countl_zero(x), (31 - std::countl_zero(layer)) / 4 + 1, (63 - std::countl_zero(mask)) / 16 + 1};
+  return box;
+}
+
+/// A ray from the sensor, lengths in voxel edges. Its points are from + t along, t in [0, 1].
+struct Ray {
+  Eigen::Vector3d along;
+  Eigen::Vector3d inverse;  ///< 1 / along; a huge number for 0, so that products stay defined
+
+  explicit Ray(const Eigen::Vector3d& to_end) : along(to_end) {
+    for (int axis = 0; axis < 3; ++axis) inverse[axis] = along[axis] == 0 ? 1e300 : 1 / along[axis];
+  }
+};
+
+/// Whether a ray that starts at `from` passes through the occupied part of a voxel before t = end. Lengths in voxel
+/// edges. Inside the box of the occupied sub-voxels the ray is sampled, so that it may miss a corner that it only
+/// clips.
+inline bool SeesThrough(const Ray& ray, const Eigen::Vector3d& from, const VoxelIndex& voxel, uint64_t mask,
+                        const MaskBox& box, double end) {
+  const Eigen::Vector3d corner = Eigen::Vector3d(voxel.x, voxel.y, voxel.z) - from;
+  double enter = 0, leave = end;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double a = (corner[axis] + 0.25 * box.low[axis]) * ray.inverse[axis];
+    const double b = (corner[axis] + 0.25 * box.high[axis]) * ray.inverse[axis];
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
+  // A ray that ends inside the box does not pass through it.
+  if (enter >= leave || leave == end) return false;
+  if (std::popcount(mask) == box.volume()) return true;
+  constexpr int kSamples = 8;
+  const Eigen::Vector3d step = 4 * (leave - enter) / kSamples * ray.along;
+  Eigen::Vector3d at = 4 * (enter * ray.along - corner) + 0.5 * step;
+  for (int i = 0; i < kSamples; ++i, at += step) {
     const int x = std::clamp(static_cast<int>(at.x()), 0, 3);
     const int y = std::clamp(static_cast<int>(at.y()), 0, 3);
     const int z = std::clamp(static_cast<int>(at.z()), 0, 3);

@@ -30,6 +30,7 @@ class Scene {
   size_t size() const { return indices_.size(); }
   const VoxelIndex& index(uint32_t id) const { return indices_[id]; }
   bool was_hit(uint32_t id) const { return counts_.hits[id] > 0; }
+  uint32_t scans(uint32_t id) const { return counts_.hits[id] + counts_.exposures[id]; }
   double R(uint32_t id) const { return Stability(counts_.hits[id], counts_.exposures[id], parameters_.eta); }
 
   Eigen::Vector3d Centroid(uint32_t id) const {
@@ -41,20 +42,31 @@ class Scene {
   // Over the voxel and its 26 neighbours.
   Moments MomentsAround(uint32_t id) const {
     Moments moments;
-    ForEachAround(id, [&](uint32_t other, int dx, int dy, int dz) {
+    ForEachWithin(1, id, [&](uint32_t other, int dx, int dy, int dz) {
       moments += MomentsOf(masks_[other]).Shifted({4 * dx, 4 * dy, 4 * dz});
     });
     return moments;
   }
 
-  // Calls visit(id, dx, dy, dz) for the voxels of the 3x3x3 neighbourhood that the grid has, the voxel itself included.
+  // Calls visit(id, dx, dy, dz) for the voxels at most `reach` away an axis that the grid has, the voxel itself
+  // included.
   template <typename Visit>
-  void ForEachAround(uint32_t id, const Visit& visit) const {
+  void ForEachWithin(int reach, uint32_t id, const Visit& visit) const {
     const VoxelIndex& at = indices_[id];
-    for (int dz = -1; dz <= 1; ++dz) {
-      for (int dy = -1; dy <= 1; ++dy) {
-        for (int dx = -1; dx <= 1; ++dx) {
-          const uint32_t other = grid_.Find({at.x + dx, at.y + dy, at.z + dz});
+    VoxelIndex brick_at;
+    int32_t brick = kNoBrick;
+    bool known = false;
+    for (int dz = -reach; dz <= reach; ++dz) {
+      for (int dy = -reach; dy <= reach; ++dy) {
+        for (int dx = -reach; dx <= reach; ++dx) {
+          const VoxelIndex voxel{at.x + dx, at.y + dy, at.z + dz};
+          const VoxelIndex in{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
+          if (!known || in != brick_at) {
+            brick = grid_.FindBrick(in.x, in.y, in.z);
+            brick_at = in;
+            known = true;
+          }
+          const uint32_t other = brick == kNoBrick ? kNoVoxel : grid_.FindInBrick(brick, voxel);
           if (other != kNoVoxel) visit(other, dx, dy, dz);
         }
       }
@@ -82,9 +94,10 @@ class Scene {
   std::vector<VoxelIndex> indices_;
 };
 
-// Ground anchors by their normals, the local ground height, and the voxels close to it.
+// Ground anchors by their normals, the local ground height, and the voxels close to it. What is looked through is no
+// anchor: the roofs along the way of a car are horizontal too.
 void ProtectGround(const Scene& scene, std::span<const Pose> poses, const DorParameters& parameters,
-                   std::vector<VoxelVerdict>& verdicts) {
+                   std::vector<VoxelVerdict>& verdicts, std::vector<float>& heights) {
   std::vector<char> is_anchor(scene.size());
   scene.ForEach([&](uint32_t id) {
     if (!scene.was_hit(id)) return;
@@ -103,7 +116,9 @@ void ProtectGround(const Scene& scene, std::span<const Pose> poses, const DorPar
     if (!scene.was_hit(id)) return;
     const Eigen::Vector3d centroid = scene.Centroid(id);
     const auto height = ground.HeightNear(centroid);
-    if (height && std::abs(centroid.z() - *height) < parameters.ground_tolerance) verdicts[id] = VoxelVerdict::kGround;
+    if (!height || std::abs(centroid.z() - *height) >= parameters.ground_tolerance) return;
+    verdicts[id] = VoxelVerdict::kGround;
+    heights[id] = static_cast<float>(*height);
   });
 }
 
@@ -141,12 +156,39 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   }
 }
 
-void VerifyAnkles(const Scene& scene, const DorParameters& parameters, Verdict& verdict) {
+// A voxel that few scans saw says little: the far end of a car's way was there once and never seen through. If what was
+// decided around it is mostly dynamic, so is it.
+void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  constexpr int kReach = 2;  // voxels
+  std::vector<char> inherits(scene.size());
+  scene.ForEach([&](uint32_t id) {
+    if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id)) return;
+    if (scene.scans(id) >= static_cast<uint32_t>(parameters.decided_scans)) return;
+    int dynamic = 0, decided = 0;
+    scene.ForEachWithin(kReach, id, [&](uint32_t other, int, int, int) {
+      dynamic += verdicts[other] == VoxelVerdict::kDynamic;
+      decided += verdicts[other] == VoxelVerdict::kStatic && scene.was_hit(other) &&
+                 scene.scans(other) >= static_cast<uint32_t>(parameters.decided_scans);
+    });
+    inherits[id] = dynamic >= 2 && dynamic > 2 * decided;
+  });
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (inherits[id]) verdicts[id] = VoxelVerdict::kDynamic;
+  }
+}
+
+// Feet and wheels: under something dynamic, or where the ground voxel itself was looked through, points go by their
+// height above the ground.
+void VerifyAnkles(const Scene& scene, const DorParameters& parameters, const std::vector<float>& heights,
+                  Verdict& verdict) {
   for (uint32_t id = 0; id < scene.size(); ++id) {
     if (verdict.voxels[id] != VoxelVerdict::kGround) continue;
     const uint32_t above = scene.Above(id);
-    if (above == kNoVoxel || verdict.voxels[above] != VoxelVerdict::kDynamic) continue;
-    verdict.ankle_heights[id] = scene.Centroid(id).z() + parameters.ankle_tolerance;
+    const bool under_dynamic = above != kNoVoxel && verdict.voxels[above] == VoxelVerdict::kDynamic;
+    if (!under_dynamic && scene.R(id) >= parameters.stability_threshold) continue;
+    // A voxel that holds nothing but the foot has its mean height up in the foot.
+    const double ground = std::min<double>(heights[id], scene.Centroid(id).z());
+    verdict.ankle_heights[id] = ground + parameters.ankle_tolerance;
   }
   for (const auto& [id, height] : verdict.ankle_heights) verdict.voxels[id] = VoxelVerdict::kAnkle;
 }
@@ -156,8 +198,8 @@ void FindIsolated(const Scene& scene, Verdict& verdict) {
   for (uint32_t id = 0; id < scene.size(); ++id) {
     if (verdict.voxels[id] != VoxelVerdict::kDynamic) continue;
     int dynamic = 0;
-    scene.ForEachAround(
-        id, [&](uint32_t other, int, int, int) { dynamic += verdict.voxels[other] == VoxelVerdict::kDynamic; });
+    scene.ForEachWithin(
+        1, id, [&](uint32_t other, int, int, int) { dynamic += verdict.voxels[other] == VoxelVerdict::kDynamic; });
     if (dynamic > 1) continue;
     verdict.restore_probabilities[id] = RestorationProbability(scene.R(id), scene.OwnSurface(id).planarity());
   }
@@ -166,14 +208,35 @@ void FindIsolated(const Scene& scene, Verdict& verdict) {
 
 }  // namespace
 
+PointLabel LabelOf(const Verdict& verdict, uint32_t id, const VoxelIndex& voxel, double height, size_t point,
+                   uint64_t seed) {
+  switch (verdict.voxels[id]) {
+    case VoxelVerdict::kStatic:
+      break;
+    case VoxelVerdict::kGround:
+      return PointLabel::kGround;
+    case VoxelVerdict::kDynamic:
+      return PointLabel::kDynamic;
+    case VoxelVerdict::kAnkle:
+      return height > verdict.ankle_heights.at(id) ? PointLabel::kDynamic : PointLabel::kGround;
+    case VoxelVerdict::kIsolated: {
+      const double probability = verdict.restore_probabilities.at(id);
+      return IsRestored(probability, VoxelKeyOf(voxel), point, seed) ? PointLabel::kStatic : PointLabel::kDynamic;
+    }
+  }
+  return PointLabel::kStatic;
+}
+
 Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<const Pose> poses,
               const DorParameters& parameters) {
   const Scene scene(voxels, counts, parameters);
   Verdict verdict{.voxels = std::vector<VoxelVerdict>(voxels.grid.size(), VoxelVerdict::kStatic)};
-  if (parameters.protect_ground) ProtectGround(scene, poses, parameters, verdict.voxels);
+  std::vector<float> heights(voxels.grid.size());  // of the ground at ground voxels, metres
+  if (parameters.protect_ground) ProtectGround(scene, poses, parameters, verdict.voxels, heights);
   JudgeVoxels(scene, parameters, verdict.voxels);
   if (parameters.cluster) JudgeClusters(scene, parameters, verdict.voxels);
-  if (parameters.verify_ankles) VerifyAnkles(scene, parameters, verdict);
+  if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
+  if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);
   if (parameters.restore) FindIsolated(scene, verdict);
   return verdict;
 }

@@ -109,8 +109,9 @@ absl::StatusOr<std::vector<Sums>> SumScans(const ScanSource& scans, std::span<co
     status = contribution.status;
     for (size_t i = 0; i < contribution.voxels.size(); ++i) sums[contribution.slots[i]].Add(contribution.voxels[i]);
     const double done = static_cast<double>(contribution.scan + 1) / static_cast<double>(scans.count);
-    if (status.ok() && progress && !progress(done))
+    if (status.ok() && progress && !progress(done)) {
       status = absl::CancelledError("stopped while building the session map");
+    }
     if (!status.ok()) stop = true;
   };
   const auto in_flight = 2 * static_cast<size_t>(tbb::this_task_arena::max_concurrency());

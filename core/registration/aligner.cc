@@ -1,10 +1,10 @@
 #include "core/registration/aligner.h"
 
-#include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 #include "core/registration/fitness.h"
 #include "core/registration/fusion.h"
@@ -19,9 +19,19 @@ namespace mapkeep {
 namespace {
 
 constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
-constexpr double kFineThinning = 1.5;
+constexpr double kFineThinning = 2;
 
-absl::Status CheckInput(const ScanSource& scans, std::span<const Pose> poses, const RegistrationTarget& target) {
+absl::Status CheckInput(const ScanSource& scans, std::span<const Pose> poses, const RegistrationTarget& target,
+                        const AlignParameters& parameters) {
+  for (const auto& [name, value] : {std::pair("source_voxel", parameters.source_voxel),
+                                    std::pair("coarse_correspondence", parameters.coarse_correspondence),
+                                    std::pair("fine_correspondence", parameters.fine_correspondence),
+                                    std::pair("inlier_distance", parameters.inlier_distance),
+                                    std::pair("coarse_robust_width", parameters.coarse_robust_width),
+                                    std::pair("fine_robust_width", parameters.fine_robust_width)}) {
+    if (!(value > 0))
+      return absl::InvalidArgumentError(absl::StrFormat("%s is %g m, expected more than 0", name, value));
+  }
   if (scans.count != poses.size()) {
     return absl::InvalidArgumentError(absl::StrFormat("%d scans but %d poses", scans.count, poses.size()));
   }
@@ -128,7 +138,7 @@ std::string Refusal(std::span<const TrackedWindow> windows, const AlignParameter
 absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses,
                                        const RegistrationTarget& target, const AlignParameters& parameters,
                                        const Progress& progress) {
-  if (const absl::Status status = CheckInput(scans, poses, target); !status.ok()) return status;
+  if (const absl::Status status = CheckInput(scans, poses, target, parameters); !status.ok()) return status;
   Alignment alignment;
   if (poses.empty() || target.points.empty()) {
     alignment.reason = poses.empty() ? "the session has no scans" : "the map has nothing static near the session";

@@ -20,8 +20,8 @@ struct GicpParameters {
   double max_correspondence = 1.0;      ///< metres: pairs further apart do not count
   double robust_width = 0.2;            ///< metres along the normal at which a pair counts half (Cauchy weight)
   int max_iterations = 30;              ///<
-  double translation_tolerance = 5e-4;  ///< metres: a smaller step ends the round,
-  double rotation_tolerance = 5e-5;     ///< radians, if this holds as well
+  double translation_tolerance = 1e-3;  ///< metres: a smaller step ends the round,
+  double rotation_tolerance = 1e-4;     ///< radians, if this holds as well
 };
 
 /// Where a round ended.

@@ -99,6 +99,7 @@ void VoxelGrid::Clear() {
   bits_.clear();
   corners_.clear();
   ranks_.clear();
+  blocks_.clear();
   size_ = 0;
   last_brick_ = kNoBrick;
 }
@@ -115,6 +116,8 @@ void VoxelGrid::Finish() {
   ranks_.reserve(bits_.size());
   uint32_t id = 0;
   for (const auto& [key, block] : blocks) {
+    const VoxelIndex at = BlockIndexOf(key);
+    const auto first = static_cast<int32_t>(bits.size());
     for (int32_t& child : children_[block]) {
       if (child == kNoBrick) continue;
       Ranks ranks{.first = id};
@@ -129,6 +132,8 @@ void VoxelGrid::Finish() {
       ranks_.push_back(ranks);
       child = static_cast<int32_t>(bits.size()) - 1;
     }
+    blocks_.push_back(
+        {{at.x * kBlockSize, at.y * kBlockSize, at.z * kBlockSize}, first, static_cast<int32_t>(bits.size())});
   }
   bits_ = std::move(bits);
   corners_ = std::move(corners);

@@ -24,6 +24,12 @@ constexpr uint64_t BitInLayer(int32_t x, int32_t y) {
   return uint64_t{1} << ((x & kMask) | (y & kMask) << kBrickBits);
 }
 
+/// The bricks of a block: [first, end), contiguous.
+struct BlockBricks {
+  VoxelIndex corner;  ///< the lowest voxel of the block
+  int32_t first = 0, end = 0;
+};
+
 /// A sparse set of voxels: a hash table of blocks (32^3 voxels), each a table of bricks (8^3), each a bit a voxel. Once
 /// finished, every voxel has an index ("id") below size(), dense and independent of the order of insertion, so that
 /// statistics live in plain arrays. Reading from several threads at once is safe.
@@ -68,6 +74,9 @@ class VoxelGrid {
 
   /// The lowest voxel of a brick. Also before Finish.
   VoxelIndex CornerOfBrick(int32_t brick) const { return corners_[brick]; }
+
+  /// The blocks in the order of their keys.
+  const std::vector<BlockBricks>& blocks() const { return blocks_; }
 
   /// The id of the first voxel of a brick; ids of a brick are contiguous.
   uint32_t FirstId(int32_t brick) const { return ranks_[brick].first; }
@@ -132,6 +141,7 @@ class VoxelGrid {
   std::vector<BrickBits> bits_;                                // a brick
   std::vector<VoxelIndex> corners_;
   std::vector<Ranks> ranks_;
+  std::vector<BlockBricks> blocks_;
   size_t size_ = 0;
   int32_t last_brick_ = kNoBrick;  // Insert goes on where it was
 };

@@ -13,9 +13,11 @@
 #include <fstream>
 #include <map>
 #include <string>
+#include <type_traits>
 
 #include "core/dor/exposure.h"
 #include "core/dor/remover.h"
+#include "core/dor/verdict.h"
 
 namespace mapkeep {
 namespace {
@@ -107,13 +109,117 @@ struct Score {
   }
 };
 
+// A labelled point, ready to be scored under any verdict.
+struct ScoredPoint {
+  uint32_t id = 0, point = 0;
+  VoxelIndex voxel;
+  float height = 0;
+  bool moving = false;
+};
+
+struct Rates {
+  double sa = 0, da = 0;
+  double aa() const { return std::sqrt(sa * da); }
+};
+
+// The session counted once, for verdicts under several parameters.
+class CountedDrive {
+ public:
+  CountedDrive(const Drive& drive, const ScanSource& source, const DorParameters& parameters)
+      : drive_(drive),
+        voxels_(CollectVoxels(source, drive.poses, parameters.voxel_size, {}, {}).value()),
+        counts_(CountVoxels(source, drive.poses, parameters.voxel_size, voxels_, parameters.exposure, {}).value()) {
+    for (size_t i = 0; i < drive.scans.size(); ++i) {
+      for (size_t j = 0; j < drive.truth[i].size(); ++j) {
+        const uint32_t truth = drive.truth[i][j];
+        if (truth != kTrueStatic && truth != kTrueMoving) continue;
+        const Eigen::Vector3d world = drive.poses[i] * drive.scans[i].points[j].cast<double>();
+        const VoxelIndex voxel = VoxelIndexOf(world, parameters.voxel_size).value();
+        points_.push_back({voxels_.grid.Find(voxel), static_cast<uint32_t>(j), voxel, static_cast<float>(world.z()),
+                           truth == kTrueMoving});
+      }
+    }
+  }
+
+  Rates Score(const DorParameters& parameters) const {
+    const Verdict verdict = Judge(voxels_, counts_, drive_.poses, parameters);
+    double statics = 0, kept = 0, moving = 0, removed = 0;
+    for (const ScoredPoint& point : points_) {
+      const bool gone =
+          LabelOf(verdict, point.id, point.voxel, point.height, point.point, parameters.seed) == PointLabel::kDynamic;
+      (point.moving ? moving : statics) += 1;
+      removed += point.moving && gone;
+      kept += !point.moving && !gone;
+    }
+    return {100 * kept / statics, 100 * removed / moving};
+  }
+
+ private:
+  const Drive& drive_;
+  SessionVoxels voxels_;
+  VoxelCounts counts_;
+  std::vector<ScoredPoint> points_;
+};
+
+void PrintRates(const std::string& name, const Rates& rates) {
+  std::printf("%-44s SA %.3f DA %.3f AA %.3f\n", name.c_str(), rates.sa, rates.da, rates.aa());
+}
+
+// How the score moves when a parameter moves by a third, one at a time, and without each refinement.
+void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorParameters& defaults, bool recount) {
+  const CountedDrive counted(drive, source, defaults);
+  PrintRates("defaults", counted.Score(defaults));
+  const auto vary = [&](const char* name, auto DorParameters::*field) {
+    for (const double factor : {2.0 / 3, 4.0 / 3}) {
+      DorParameters changed = defaults;
+      changed.*field = static_cast<std::remove_reference_t<decltype(changed.*field)>>(factor * (changed.*field) + 1e-9);
+      PrintRates(std::string(name) + (factor < 1 ? " - 1/3" : " + 1/3"), counted.Score(changed));
+    }
+  };
+  vary("eta", &DorParameters::eta);
+  vary("stability_threshold", &DorParameters::stability_threshold);
+  vary("ground_slope", &DorParameters::ground_slope);
+  vary("ground_tolerance", &DorParameters::ground_tolerance);
+  vary("ground_cell", &DorParameters::ground_cell);
+  vary("ground_step", &DorParameters::ground_step);
+  vary("candidate_threshold", &DorParameters::candidate_threshold);
+  vary("cluster_radius", &DorParameters::cluster_radius);
+  vary("cluster_min_neighbours", &DorParameters::cluster_min_neighbours);
+  vary("cluster_threshold", &DorParameters::cluster_threshold);
+  vary("decided_scans", &DorParameters::decided_scans);
+  vary("ankle_tolerance", &DorParameters::ankle_tolerance);
+  const auto without = [&](const char* name, bool DorParameters::*field) {
+    DorParameters changed = defaults;
+    changed.*field = false;
+    PrintRates(std::string("without ") + name, counted.Score(changed));
+  };
+  without("protect_ground", &DorParameters::protect_ground);
+  without("cluster", &DorParameters::cluster);
+  without("inherit", &DorParameters::inherit);
+  without("verify_ankles", &DorParameters::verify_ankles);
+  without("restore", &DorParameters::restore);
+  if (!recount) return;
+  const auto again = [&](const char* name, const auto& change) {
+    DorParameters changed = defaults;
+    change(changed);
+    PrintRates(name, CountedDrive(drive, source, changed).Score(changed));
+  };
+  again("voxel_size - 1/3", [](DorParameters& p) { p.voxel_size *= 2.0 / 3; });
+  again("voxel_size + 1/3", [](DorParameters& p) { p.voxel_size *= 4.0 / 3; });
+  again("exposure.margin_by_range - 1/3", [](DorParameters& p) { p.exposure.margin_by_range *= 2.0 / 3; });
+  again("exposure.margin_by_range + 1/3", [](DorParameters& p) { p.exposure.margin_by_range *= 4.0 / 3; });
+  again("without exposure.margin_by_range", [](DorParameters& p) { p.exposure.margin_by_range = 0; });
+  again("without exposure.sub_voxels", [](DorParameters& p) { p.exposure.sub_voxels = false; });
+  again("without exposure.neighbour_hits", [](DorParameters& p) { p.exposure.neighbour_hits = false; });
+}
+
 int Run(int argc, char** argv) {
   CLI::App app("Measures dynamic object removal on a KITTI directory");
   fs::path directory, out;
   DorParameters p;
   size_t first = 0, last = SIZE_MAX;
   int threads = 2, rounds = 1;
-  bool exact = false, rings = false;
+  bool exact = false, rings = false, sensitivity = false, recount = false;
   app.add_option("directory", directory)->required();
   app.add_option("--out", out, "write NNNNNN.label files here");
   app.add_option("--first", first);
@@ -121,6 +227,8 @@ int Run(int argc, char** argv) {
   app.add_option("--threads", threads);
   app.add_option("--rounds", rounds);
   app.add_flag("--exact", exact, "the reference engine");
+  app.add_flag("--sensitivity", sensitivity, "the score as each parameter moves by a third");
+  app.add_flag("--recount", recount, "the same, also for the parameters that need the scans counted again");
   app.add_flag("--rings", rings, "losses by range");
   app.add_option("--voxel", p.voxel_size);
   app.add_option("--k", p.window_radius);
@@ -141,14 +249,20 @@ int Run(int argc, char** argv) {
   app.add_option("--tau-cluster", p.cluster_threshold);
   app.add_option("--ankle", p.verify_ankles);
   app.add_option("--ankle-tolerance", p.ankle_tolerance);
+  app.add_option("--inherit", p.inherit);
+  app.add_option("--decided", p.decided_scans);
   app.add_option("--restore", p.restore);
   CLI11_PARSE(app, argc, argv);
-  if (exact) p.exposure.engine = ExposureEngine::kExact;
+  if (exact) p.exposure.engine = ExposureEngine::kRayWalk;
 
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const Drive drive = ReadDrive(directory, first, last);
   const auto scans = static_cast<double>(drive.scans.size());
   const ScanSource source = SourceOf(drive.scans);
+  if (sensitivity || recount) {
+    PrintSensitivity(drive, source, p, recount);
+    return 0;
+  }
   for (int round = 0; round < rounds; ++round) {
     Clock clock;
     const auto voxels = CollectVoxels(source, drive.poses, p.voxel_size, {}, {});

@@ -1,6 +1,8 @@
-// registration_bench KITTI_DIR [CASES] [MAX_METRES] [MAX_DEGREES]
-// Even frames make the map, odd frames are the session, moved by a random rigid motion a case. Prints the errors of the
-// aligned scan poses against the given ones and the milliseconds a scan.
+// registration_bench KITTI_DIR [CASES [METRES DEGREES [MAP SESSION]]]
+// MAP and SESSION are frames FIRST:LAST:STEP, both ends inclusive; by default the even ones make the map and the odd
+// ones are the session. It is moved by a random rigid motion of up to METRES and DEGREES a case. Prints the errors of
+// the aligned scan poses against the given ones and the milliseconds a scan. At last the session is mirrored left to
+// right: a street that the map does not know, to be refused.
 
 #include <algorithm>
 #include <chrono>
@@ -47,81 +49,125 @@ double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
+// Some frames of a directory with their poses.
+struct Session {
+  ScanSource scans;
+  std::vector<Pose> poses;
+};
+
+Session SessionOf(const KittiDirectory& directory, const std::string& range) {
+  size_t first = 0, last = 0, step = 1;
+  if (std::sscanf(range.c_str(), "%zu:%zu:%zu", &first, &last, &step) < 2 || step == 0 || last < first) {
+    std::fprintf(stderr, "%s: expected FIRST:LAST:STEP\n", range.c_str());
+    std::exit(2);
+  }
+  Session session;
+  std::vector<size_t> frames;
+  for (size_t i = first; i <= last && i < directory.poses.size(); i += step) {
+    frames.push_back(i);
+    session.poses.push_back(directory.poses[i]);
+  }
+  session.scans = directory.Source(frames);
+  return session;
+}
+
+// y becomes -y in scans and poses.
+Session Mirrored(const Session& session) {
+  const Eigen::DiagonalMatrix<double, 3> mirror(1, -1, 1);
+  Session mirrored{.scans = session.scans};
+  mirrored.scans.read = [read = session.scans.read](size_t index) {
+    auto scan = read(index);
+    for (Eigen::Vector3f& point : scan->points) point.y() = -point.y();
+    return scan;
+  };
+  for (Pose pose : session.poses) {
+    pose.linear() = mirror * pose.linear() * mirror;
+    pose.translation().y() = -pose.translation().y();
+    mirrored.poses.push_back(pose);
+  }
+  return mirrored;
+}
+
+void Print(const Alignment& alignment, const std::vector<Pose>& truth, double seconds) {
+  if (alignment.accepted) {
+    std::vector<double> metres, degrees;
+    for (size_t i = 0; i < truth.size(); ++i) {
+      metres.push_back((alignment.poses[i].translation() - truth[i].translation()).norm());
+      degrees.push_back(AngleBetween(alignment.poses[i], truth[i]) * 180 / std::numbers::pi);
+    }
+    std::ranges::sort(metres);
+    std::ranges::sort(degrees);
+    std::printf("error median %.3f m %.3f deg, worst %.3f m %.3f deg; %.1f ms a scan;", metres[metres.size() / 2],
+                degrees[degrees.size() / 2], metres.back(), degrees.back(),
+                1000 * seconds / static_cast<double>(truth.size()));
+  } else {
+    std::printf("refused: %s;", alignment.reason.c_str());
+  }
+  for (const WindowResult& window : alignment.windows) {
+    std::printf(" %u-%u:%s%.3f/%.3f", window.first_scan, window.last_scan, window.trusted ? "" : "!", window.fitness,
+                window.observability);
+  }
+  std::printf("\n");
+}
+
+// A random rigid motion about a place.
+Pose MotionAbout(const Eigen::Vector3d& place, double metres, double degrees, std::mt19937& random) {
+  std::normal_distribution<double> any;
+  std::uniform_real_distribution<double> share(0, 1);
+  const Eigen::Vector3d axis = Eigen::Vector3d(any(random), any(random), any(random)).normalized();
+  const Eigen::Vector3d shift = Eigen::Vector3d(any(random), any(random), any(random)).normalized();
+  const Eigen::Translation3d middle(place);
+  return Eigen::Translation3d(metres * share(random) * shift) * middle *
+         Eigen::AngleAxisd(degrees * share(random) * std::numbers::pi / 180, axis) * middle.inverse();
+}
+
 int Run(int count, char** arguments) {
   if (count < 2) {
-    std::fprintf(stderr, "usage: registration_bench KITTI_DIR [CASES] [MAX_METRES] [MAX_DEGREES]\n");
+    std::fprintf(stderr, "usage: registration_bench KITTI_DIR [CASES [METRES DEGREES [MAP SESSION]]]\n");
     return 2;
   }
   const KittiDirectory directory(arguments[1]);
   const int cases = count > 2 ? std::atoi(arguments[2]) : 5;
-  const double metres = count > 3 ? std::atof(arguments[3]) : 0.5;
+  const double metres = count > 4 ? std::atof(arguments[3]) : 0.5;
   const double degrees = count > 4 ? std::atof(arguments[4]) : 2.0;
+  const std::string end = std::to_string(directory.poses.size() - 1);
+  const Session founder = SessionOf(directory, count > 6 ? arguments[5] : "0:" + end + ":2");
+  const Session session = SessionOf(directory, count > 6 ? arguments[6] : "1:" + end + ":2");
 
-  std::vector<size_t> even, odd;
-  std::vector<Pose> even_poses, odd_poses;
-  for (size_t i = 0; i < directory.poses.size(); ++i) {
-    (i % 2 == 0 ? even : odd).push_back(i);
-    (i % 2 == 0 ? even_poses : odd_poses).push_back(directory.poses[i]);
-  }
-  const ScanSource even_scans = directory.Source(even), odd_scans = directory.Source(odd);
   const auto all_static = [](size_t, const Scan& scan) {
     return std::vector<PointLabel>(scan.points.size(), PointLabel::kStatic);
   };
-  const Evidence evidence = HitsOf(even_scans, even_poses);
+  const Evidence evidence = HitsOf(founder.scans, founder.poses);
   const auto start = std::chrono::steady_clock::now();
-  const auto map = BuildSessionMap(even_scans, even_poses, all_static, evidence, 0, {});
+  const auto map = BuildSessionMap(founder.scans, founder.poses, all_static, evidence, 0, {});
   if (!map.ok()) {
     std::fprintf(stderr, "%s\n", map.status().ToString().c_str());
     return 1;
   }
   std::printf("session map: %zu voxels, %.2f s\n", map->voxels.size(), Seconds(start));
   const auto found_start = std::chrono::steady_clock::now();
-  const auto found = FoundMapFrame(even_scans, even_poses, {});
+  const auto found = FoundMapFrame(founder.scans, founder.poses, {});
   std::printf("FoundMapFrame: %s, %.2f s\n", found->accepted ? "accepted" : found->reason.c_str(),
               Seconds(found_start));
   const RegistrationTarget target = TargetOf(*map);
 
   std::mt19937 random(1);
-  std::normal_distribution<double> any;
-  std::uniform_real_distribution<double> share(0, 1);
   for (int n = 0; n < cases; ++n) {
-    const Eigen::Vector3d axis = Eigen::Vector3d(any(random), any(random), any(random)).normalized();
-    const Eigen::Vector3d shift = Eigen::Vector3d(any(random), any(random), any(random)).normalized();
-    // About the middle of the session, so that no pose is moved much further than the shift.
-    const Eigen::Translation3d middle(odd_poses[odd_poses.size() / 2].translation());
-    const Pose moved = Eigen::Translation3d(metres * share(random) * shift) * middle *
-                       Eigen::AngleAxisd(degrees * share(random) * std::numbers::pi / 180, axis) * middle.inverse();
+    const Pose motion = MotionAbout(session.poses[session.poses.size() / 2].translation(), metres, degrees, random);
     std::vector<Pose> poses;
-    for (const Pose& pose : odd_poses) poses.push_back(moved * pose);
-    double worst_prior = 0;
-    for (size_t i = 0; i < poses.size(); ++i) {
-      worst_prior = std::max(worst_prior, (poses[i].translation() - odd_poses[i].translation()).norm());
+    double moved = 0;
+    for (const Pose& pose : session.poses) {
+      poses.push_back(motion * pose);
+      moved = std::max(moved, (poses.back().translation() - pose.translation()).norm());
     }
     const auto begin = std::chrono::steady_clock::now();
-    const auto alignment = AlignSession(odd_scans, poses, target, {});
-    const double seconds = Seconds(begin);
-    if (!alignment.ok() || !alignment->accepted) {
-      std::printf("case %d: %s\n", n,
-                  alignment.ok() ? alignment->reason.c_str() : alignment.status().ToString().c_str());
-      continue;
-    }
-    std::vector<double> errors, angles;
-    for (size_t i = 0; i < poses.size(); ++i) {
-      errors.push_back((alignment->poses[i].translation() - odd_poses[i].translation()).norm());
-      angles.push_back(AngleBetween(alignment->poses[i], odd_poses[i]) * 180 / std::numbers::pi);
-    }
-    std::ranges::sort(errors);
-    std::ranges::sort(angles);
-    std::printf(
-        "case %d: moved up to %.2f m; error median %.3f m %.3f deg, worst %.3f m %.3f deg; %.1f ms a scan; windows", n,
-        worst_prior, errors[errors.size() / 2], angles[angles.size() / 2], errors.back(), angles.back(),
-        1000 * seconds / static_cast<double>(poses.size()));
-    for (const WindowResult& window : alignment->windows) {
-      std::printf(" %u-%u:%s%.3f/%.3f", window.first_scan, window.last_scan, window.trusted ? "" : "!", window.fitness,
-                  window.observability);
-    }
-    std::printf("\n");
+    const auto alignment = AlignSession(session.scans, poses, target, {});
+    std::printf("case %d: moved up to %.2f m; ", n, moved);
+    Print(*alignment, session.poses, Seconds(begin));
   }
+  const Session foreign = Mirrored(session);
+  std::printf("mirrored: ");
+  Print(*AlignSession(foreign.scans, foreign.poses, target, {}), foreign.poses, 0);
   return 0;
 }
 

@@ -190,6 +190,8 @@ TEST(AlignSession, PassesErrorsOnAndStopsWhenTold) {
 
   const auto fewer = std::vector<Pose>(poses.begin(), poses.end() - 1);
   EXPECT_THAT(AlignSession(source, fewer, target, {}).status().ToString(), HasSubstr("21 scans but 20 poses"));
+  EXPECT_THAT(AlignSession(source, poses, target, {.source_voxel = 0}).status().ToString(),
+              HasSubstr("source_voxel is 0 m"));
   source.read = [](size_t index) -> absl::StatusOr<Scan> {
     if (index >= 4) return absl::DataLossError("scan " + std::to_string(index) + " is torn");
     return Scan{.points = {{1, 1, 1}}};

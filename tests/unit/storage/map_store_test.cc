@@ -186,7 +186,18 @@ TEST_F(MapStoreTest, TheFirstSessionMayChooseTheOrigin) {
   EXPECT_EQ((*maps_->Open("m"))->map().origin, Eigen::Vector3d(100, 200, 0));
   request.session = "t";
   request.origin = Eigen::Vector3d(0, 0, 0);
-  EXPECT_CODE(maps_->Commit("m", request), kFailedPrecondition);
+  EXPECT_CODE(maps_->Commit("m", request), kAborted);
+  request.origin.reset();
+  EXPECT_CODE(maps_->Commit("m", request), kAborted) << "aligned to epoch 0, which had no origin";
+  request.base_epoch = 1;
+  EXPECT_DONE(maps_->Commit("m", request));
+}
+
+TEST_F(MapStoreTest, AnOriginCannotMoveWhatIsInTheMapAlready) {
+  ASSERT_DONE(Commit("s", {Any({0, 0, 0})}));
+  CommitRequest request = Request("t", {Any({0, 0, 0})});
+  request.origin = Eigen::Vector3d(100, 200, 0);
+  EXPECT_CODE(maps_->Commit("m", request), kAborted);
 }
 
 TEST_F(MapStoreTest, TheLoserOfARaceMergesAgainOnTheNewHead) {

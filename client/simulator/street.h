@@ -1,0 +1,43 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "client/simulator/ground.h"
+#include "client/simulator/ray_caster.h"
+#include "client/simulator/scene_object.h"
+
+namespace mapkeep {
+
+/// What makes a row of streets.
+struct StreetParameters {
+  uint64_t seed = 1;
+  int streets = 1;           ///< blocks of 100 m in a row, each from a seed of its own, all of them driven through
+  bool repeated = false;     ///< every street is a copy of the first: facades that look alike
+  double occupancy = 0.6;    ///< share of parking places taken, [0, 1]
+  double change_rate = 0.3;  ///< share of parked vehicles that are elsewhere in the next session, [0, 1]; half of them
+                             ///< stay in the street. Half this share of the building sites changes
+  int waiting_cars = 1;      ///< cars a street that are parked when a session begins and drive off during it
+};
+
+/// Meshes that many objects share, by their index in the caster.
+struct SharedMeshes {
+  std::vector<uint32_t> cars, lorries, cyclists, pedestrians, constructions;
+};
+
+/// What does not change from session to session, made ready for casting. Copies share the meshes.
+struct Street {
+  StreetParameters parameters;
+  Ground ground;
+  RayCaster caster;
+  SharedMeshes shared;
+  std::vector<SceneObject> fixed;  ///< ids from 1
+  uint32_t next_id = 1;            ///< the first id that is free for what changes
+};
+
+/// INVALID_ARGUMENT naming the parameter that is out of its range.
+absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters);
+
+}  // namespace mapkeep

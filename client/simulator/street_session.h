@@ -1,0 +1,34 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <optional>
+
+#include "client/simulator/session.h"
+#include "client/simulator/street.h"
+#include "client/simulator/traffic.h"
+
+namespace mapkeep {
+
+/// How a robot drives through a street in one session.
+struct DriveParameters {
+  SensorModel sensor;  ///< see SensorNamed
+  size_t scans = 100;
+  double speed = 5;      ///< metres a second
+  double start = 0;      ///< metres from the start of the route, [0, ...)
+  bool reverse = false;  ///< drives the route the other way round, in the other lane
+  bool rolling_shutter = false;
+  OdometryParameters odometry;
+  TrafficParameters traffic;
+};
+
+/// INVALID_ARGUMENT naming the parameter that is out of its range.
+absl::Status CheckDrive(const DriveParameters& parameters, int session);
+
+/// Session `session` (from 0) of a street. The robot drives along the right lane to the end of the row, turns, comes
+/// back in the other lane, turns and goes on; session k begins k days after 2026-06-01 08:00 UTC. What is parked is the
+/// street's affair (its seed, its rate of change and the number of the session), what moves is drawn for the session.
+/// The truth is in the street's frame, common to its sessions. INVALID_ARGUMENT naming the parameter.
+absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session, const DriveParameters& parameters);
+
+}  // namespace mapkeep

@@ -1,0 +1,141 @@
+#include "core/dor/ray_bins.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+namespace mapkeep {
+namespace {
+
+constexpr double kRaysABin = 2;
+constexpr int kMaxBinsAround = 8192;
+constexpr int kMaxBinsUp = 4096;
+constexpr float kRoundingUp = 1.00001F;  // a bin's reach is a float and must not be too short
+
+// A stand-in for the azimuth, [0, 4) around: the way along a diamond. Rises with the angle, at most by 1 a radian.
+double DiamondAngle(double x, double y) {
+  const double sum = std::abs(x) + std::abs(y);
+  if (sum == 0) return 0;
+  return y >= 0 ? 1 - x / sum : 3 + x / sum;
+}
+
+double SineOfElevation(const Eigen::Vector3d& d) {
+  const double length = d.norm();
+  return length == 0 ? 0 : d.z() / length;
+}
+
+// An upper bound of asin(ratio), for ratio up to kWide.
+constexpr double kWide = 0.7;
+double AngleBound(double ratio) { return 1.12 * ratio; }
+
+}  // namespace
+
+int RayBins::BinV(double sine) const {
+  return std::clamp(static_cast<int>(std::floor((sine - sine_low_) * v_scale_)), 0, bins_v_ - 1);
+}
+
+void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
+  // How much of the sphere the scan covers, to have about the same number of rays in a bin for every sensor.
+  double low = 1, high = -1;
+  uint64_t sectors = 0;  // 64 around
+  for (const Eigen::Vector3d& to_end : to_ends) {
+    const double sine = SineOfElevation(to_end);
+    low = std::min(low, sine);
+    high = std::max(high, sine);
+    sectors |= uint64_t{1} << (static_cast<int>(16 * DiamondAngle(to_end.x(), to_end.y())) & 63);
+  }
+  const double height = std::max(high - low, 1e-3);
+  const double width = 2 * std::numbers::pi * std::popcount(sectors) / 64;
+  const double bins = std::max(1.0, static_cast<double>(to_ends.size()) / kRaysABin);
+  const double edge = std::sqrt(width * height / bins);
+  const auto around = static_cast<uint32_t>(std::clamp(2 * std::numbers::pi / edge, 16.0, 0.5 * kMaxBinsAround));
+  bins_u_ = static_cast<int>(std::bit_ceil(around));
+  bins_v_ = static_cast<int>(std::clamp(height / edge, 1.0, double{kMaxBinsUp}));
+  sine_low_ = low;
+  v_scale_ = bins_v_ / height;
+  u_scale_ = bins_u_ / 4.0;
+
+  const size_t count = static_cast<size_t>(bins_u_) * bins_v_;
+  levels_.resize(std::max<size_t>(kCoarse + 1, std::bit_width(static_cast<uint32_t>(std::max(bins_u_, bins_v_)))));
+  for (size_t level = 0; level < levels_.size(); ++level) {
+    levels_[level].u_mask = std::max(1, bins_u_ >> level) - 1;
+    levels_[level].v_count = ((bins_v_ - 1) >> level) + 1;
+    levels_[level].reach.assign(static_cast<size_t>(levels_[level].u_mask + 1) * levels_[level].v_count, 0);
+  }
+  bin_of_.resize(to_ends.size());
+  starts_.assign(count + 1, 0);
+  for (size_t i = 0; i < to_ends.size(); ++i) {
+    const int u = static_cast<int>(DiamondAngle(to_ends[i].x(), to_ends[i].y()) * u_scale_) & (bins_u_ - 1);
+    const uint32_t bin = static_cast<uint32_t>(BinV(SineOfElevation(to_ends[i]))) * bins_u_ + u;
+    bin_of_[i] = bin;
+    ++starts_[bin + 1];
+    float& reach = levels_[0].reach[bin];
+    reach = std::max(reach, kRoundingUp * static_cast<float>(share * to_ends[i].norm()));
+  }
+  for (size_t bin = 0; bin < count; ++bin) starts_[bin + 1] += starts_[bin];
+  rays_.resize(to_ends.size(), Ray(Eigen::Vector3d::Zero()));
+  // Filling moves each start to the next bin's; so they are filled from the end backwards, which leaves them right.
+  for (size_t i = to_ends.size(); i-- > 0;) rays_[--starts_[bin_of_[i] + 1]] = Ray(to_ends[i]);
+  for (size_t bin = 0; bin < count; ++bin) starts_[bin] = starts_[bin + 1];
+  starts_[count] = static_cast<uint32_t>(to_ends.size());
+
+  for (size_t level = 1; level < levels_.size(); ++level) {
+    const Level& below = levels_[level - 1];
+    Level& here = levels_[level];
+    const int halving_u = below.u_mask == here.u_mask ? 0 : 1;
+    for (int v = 0; v < below.v_count; ++v) {
+      const size_t row = static_cast<size_t>(v) * (below.u_mask + 1);
+      const size_t to = static_cast<size_t>(v >> 1) * (here.u_mask + 1);
+      for (int u = 0; u <= below.u_mask; ++u) {
+        float& reach = here.reach[to + (u >> halving_u)];
+        reach = std::max(reach, below.reach[row + u]);
+      }
+    }
+  }
+}
+
+RayBins::Window RayBins::WindowOf(const Eigen::Vector3d& centre, double radius) const {
+  Window window;
+  const double flat = std::sqrt(centre.x() * centre.x() + centre.y() * centre.y());
+  const double distance = std::sqrt(flat * flat + centre.z() * centre.z());
+  window.distance = static_cast<float>(std::max(0.0, distance - radius));
+  if (radius > kWide * flat) {
+    window.u1 = bins_u_ - 1;
+  } else {
+    const double u = DiamondAngle(centre.x(), centre.y());
+    const double half = AngleBound(radius / flat);
+    window.u0 = static_cast<int>(std::floor((u - half) * u_scale_));
+    window.u1 = static_cast<int>(std::floor((u + half) * u_scale_));
+  }
+  if (radius > kWide * distance) {
+    window.v1 = bins_v_ - 1;
+  } else {
+    const double sine = centre.z() / distance;
+    const double half = AngleBound(radius / distance);
+    window.v0 = BinV(sine - half);
+    window.v1 = BinV(sine + half);
+    // Directions that no ray of the scan has.
+    if (sine + half < sine_low_ || (sine - half - sine_low_) * v_scale_ >= bins_v_ + 1) window.distance = 1e30F;
+  }
+  return window;
+}
+
+bool RayBins::Reaches(const Window& window) const {
+  const auto extent = static_cast<uint32_t>(std::max(window.u1 - window.u0, window.v1 - window.v0));
+  const size_t level = std::min(levels_.size() - 1, static_cast<size_t>(std::bit_width(extent)));
+  const Level& cells = levels_[level];
+  // At most 2 x 2 cells, but for the top level, which is small.
+  const int shift = static_cast<int>(level);
+  const int u0 = window.u0 >> shift, u1 = std::min(window.u1 >> shift, u0 + cells.u_mask);
+  for (int v = window.v0 >> shift; v <= std::min(window.v1 >> shift, cells.v_count - 1); ++v) {
+    for (int u = u0; u <= u1; ++u) {
+      if (cells.reach[static_cast<size_t>(v) * (cells.u_mask + 1) + (u & cells.u_mask)] >= window.distance) return true;
+    }
+  }
+  return false;
+}
+
+bool RayBins::MayReach(const Eigen::Vector3d& centre, double radius) const { return Reaches(WindowOf(centre, radius)); }
+
+}  // namespace mapkeep

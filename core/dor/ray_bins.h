@@ -1,0 +1,82 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/dor/sub_voxels.h"
+
+namespace mapkeep {
+
+/// The rays of one scan, sorted by direction, so that the few that may pass a small box are found without walking any.
+/// Works for any sensor: bins of equal solid angle over the directions that occur, about two rays each. Lengths in any
+/// unit, directions in axes that are the same for rays and queries.
+class RayBins {
+ public:
+  /// From the vectors that lead from the sensor to the returns; of every ray the given share of its length counts. Uses
+  /// the memory of the scan before again.
+  void Build(std::span<const Eigen::Vector3d> to_ends, double share);
+
+  /// Whether any ray near the ball (its centre relative to the sensor) is at least as long as the ball is far: false
+  /// means that no ray passes through the ball.
+  bool MayReach(const Eigen::Vector3d& centre, double radius) const;
+
+  /// Whether test(ray) holds for any ray that may pass through the ball. Offers every ray that does, and some that do
+  /// not.
+  template <typename Test>
+  bool AnyRay(const Eigen::Vector3d& centre, double radius, const Test& test) const {
+    const Window window = WindowOf(centre, radius);
+    if (!Reaches(window)) return false;
+    const Level& coarse = levels_[kCoarse];
+    for (int v = window.v0 >> kCoarse; v <= window.v1 >> kCoarse; ++v) {
+      for (int u = window.u0 >> kCoarse; u <= window.u1 >> kCoarse; ++u) {
+        if (coarse.reach[static_cast<size_t>(v) * (coarse.u_mask + 1) + (u & coarse.u_mask)] < window.distance)
+          continue;
+        const int v_end = std::min(window.v1, (v << kCoarse) + kCoarseBins - 1);
+        const int u_end = std::min(window.u1, (u << kCoarse) + kCoarseBins - 1);
+        for (int bin_v = std::max(window.v0, v << kCoarse); bin_v <= v_end; ++bin_v) {
+          for (int bin_u = std::max(window.u0, u << kCoarse); bin_u <= u_end; ++bin_u) {
+            const size_t bin = static_cast<size_t>(bin_v) * bins_u_ + (bin_u & (bins_u_ - 1));
+            if (levels_[0].reach[bin] < window.distance) continue;
+            for (uint32_t i = starts_[bin]; i < starts_[bin + 1]; ++i) {
+              if (test(rays_[i])) return true;
+            }
+          }
+        }
+      }
+    }
+    return false;
+  }
+
+ private:
+  static constexpr int kCoarse = 2;
+  static constexpr int kCoarseBins = 1 << kCoarse;
+
+  // Bins of directions, both ends included; u may leave [0, bins_u_) and wraps. And the nearest distance to look for.
+  struct Window {
+    int u0 = 0, u1 = 0, v0 = 0, v1 = 0;
+    float distance = 0;
+  };
+
+  // The longest ray of every cell of 2^level x 2^level bins.
+  struct Level {
+    int u_mask = 0;  // cells around minus one
+    int v_count = 0;
+    std::vector<float> reach;
+  };
+
+  Window WindowOf(const Eigen::Vector3d& centre, double radius) const;
+  bool Reaches(const Window& window) const;
+  int BinV(double sine) const;
+
+  int bins_u_ = 1, bins_v_ = 1;  // around (a power of two), and from the lowest direction to the highest
+  double sine_low_ = 0, v_scale_ = 0, u_scale_ = 0;
+  std::vector<Level> levels_;
+  std::vector<uint32_t> starts_;
+  std::vector<Ray> rays_;  // by bin
+  std::vector<uint32_t> bin_of_;
+};
+
+}  // namespace mapkeep
