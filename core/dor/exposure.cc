@@ -57,8 +57,9 @@ class ScanMarks {
     return local == kNoBrick ? nullptr : &marks_[local];
   }
 
-  std::vector<VoxelIndex> voxels;        // of the scan's points
-  std::vector<Eigen::Vector3d> to_ends;  // from the sensor to the points, in voxel edges
+  std::vector<VoxelIndex> voxels;          // of the scan's points
+  std::vector<Eigen::Vector3d> positions;  // of the points, in voxel edges
+  std::vector<Eigen::Vector3d> to_ends;    // from the sensor to the points, in voxel edges
   RayBins bins;
 
  private:
@@ -69,15 +70,13 @@ class ScanMarks {
 // One scan against the voxels of the session.
 class ScanCount {
  public:
-  ScanCount(const Scan& scan, const Pose& pose, double voxel_size, const SessionVoxels& voxels,
-            const ExposureParameters& parameters, ScanMarks& scratch)
-      : scan_(scan),
-        pose_(pose),
-        voxel_size_(voxel_size),
-        grid_(voxels.grid),
+  // The scratch holds the points' voxels and positions; `sensor` is in voxel edges too.
+  ScanCount(const Eigen::Vector3d& sensor, const SessionVoxels& voxels, const ExposureParameters& parameters,
+            ScanMarks& scratch)
+      : grid_(voxels.grid),
         masks_(voxels.masks),
         parameters_(parameters),
-        from_(pose.translation() / voxel_size),
+        from_(sensor),
         end_(1 - parameters.margin_by_range),
         scratch_(scratch) {}
 
@@ -120,9 +119,7 @@ class ScanCount {
   }
 
  private:
-  Eigen::Vector3d ToEnd(size_t point) const {
-    return (pose_ * scan_.points[point].cast<double>()) / voxel_size_ - from_;
-  }
+  Eigen::Vector3d ToEnd(size_t point) const { return scratch_.positions[point] - from_; }
 
   uint64_t MaskOf(uint32_t id) const {
     // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
@@ -161,7 +158,7 @@ class ScanCount {
       ScanMarks::Marks& marks = scratch_.Of(brick);
       if ((grid_.bits(brick)[layer] & ~marks.shielded[layer] & ~marks.exposed[layer] & bit) != 0) {
         const uint64_t mask = MaskOf(grid_.IdInBrick(brick, layer, bit));
-        if (SeesThrough(ray, from_, voxel, mask, BoxOf(mask), end_)) marks.exposed[layer] |= bit;
+        if (SeesThrough(ray, RayTarget(voxel, mask, from_), end_)) marks.exposed[layer] |= bit;
       }
       walk.Step();
     }
@@ -192,17 +189,11 @@ class ScanCount {
   }
 
   bool IsExposed(const VoxelIndex& voxel, uint64_t mask) const {
-    const MaskBox box = BoxOf(mask);
-    const Eigen::Vector3d extent(box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]);
-    const Eigen::Vector3d centre = Eigen::Vector3d(voxel.x, voxel.y, voxel.z) +
-                                   Eigen::Vector3d(box.low[0], box.low[1], box.low[2]) / 4 + extent / 8 - from_;
-    return scratch_.bins.AnyRay(centre, extent.norm() / 8,
-                                [&](const Ray& ray) { return SeesThrough(ray, from_, voxel, mask, box, end_); });
+    const RayTarget target(voxel, mask, from_);
+    return scratch_.bins.AnyRay((target.low + target.high) / 2, (target.high - target.low).norm() / 2,
+                                [&](const Ray& ray) { return SeesThrough(ray, target, end_); });
   }
 
-  const Scan& scan_;
-  const Pose& pose_;
-  const double voxel_size_;
   const VoxelGrid& grid_;
   const std::vector<uint64_t>& masks_;
   const ExposureParameters& parameters_;
@@ -280,10 +271,11 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
   tbb::enumerable_thread_specific<ScanMarks> scratches([&] { return ScanMarks(grid.brick_count()); });
   const auto count = [&](size_t index, const Scan& scan) -> absl::Status {
     ScanMarks& scratch = scratches.local();
-    if (auto status = VoxelsOfScan(scan, poses[index], voxel_size, scratch.voxels); !status.ok()) return status;
+    if (auto status = VoxelsOfScan(scan, poses[index], voxel_size, scratch.voxels, scratch.positions); !status.ok())
+      return status;
     const auto sensor = VoxelIndexOf(poses[index].translation(), voxel_size);
     if (!sensor.ok()) return {sensor.status().code(), absl::StrCat("its sensor position: ", sensor.status().message())};
-    ScanCount scan_count(scan, poses[index], voxel_size, voxels, parameters, scratch);
+    ScanCount scan_count(poses[index].translation() / voxel_size, voxels, parameters, scratch);
     scan_count.MarkHits();
     if (parameters.engine == ExposureEngine::kRayWalk) {
       scan_count.WalkRays(*sensor);

@@ -20,14 +20,10 @@ double DiamondAngle(double x, double y) {
   return y >= 0 ? 1 - x / sum : 3 + x / sum;
 }
 
-double SineOfElevation(const Eigen::Vector3d& d) {
-  const double length = d.norm();
-  return length == 0 ? 0 : d.z() / length;
-}
-
 // An upper bound of asin(ratio), for ratio up to kWide.
 constexpr double kWide = 0.7;
-double AngleBound(double ratio) { return 1.12 * ratio; }
+constexpr double kRounding = 1e-5;  // of directions kept as floats
+double AngleBound(double ratio) { return 1.12 * ratio + kRounding; }
 
 }  // namespace
 
@@ -37,15 +33,21 @@ int RayBins::BinV(double sine) const {
 
 void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   // How much of the sphere the scan covers, to have about the same number of rays in a bin for every sensor.
-  double low = 1, high = -1;
+  float low = 1, high = -1;
   uint64_t sectors = 0;  // 64 around
-  for (const Eigen::Vector3d& to_end : to_ends) {
-    const double sine = SineOfElevation(to_end);
-    low = std::min(low, sine);
-    high = std::max(high, sine);
-    sectors |= uint64_t{1} << (static_cast<int>(16 * DiamondAngle(to_end.x(), to_end.y())) & 63);
+  directions_.resize(to_ends.size());
+  for (size_t i = 0; i < to_ends.size(); ++i) {
+    const double length = to_ends[i].norm();
+    // Floats are off by less than the slack that windows have.
+    Direction& direction = directions_[i];
+    direction.diamond = static_cast<float>(DiamondAngle(to_ends[i].x(), to_ends[i].y()));
+    direction.sine = static_cast<float>(length == 0 ? 0 : to_ends[i].z() / length);
+    direction.length = static_cast<float>(length);
+    low = std::min(low, direction.sine);
+    high = std::max(high, direction.sine);
+    sectors |= uint64_t{1} << (static_cast<int>(16 * direction.diamond) & 63);
   }
-  const double height = std::max(high - low, 1e-3);
+  const double height = std::max<double>(high - low, 1e-3);
   const double width = 2 * std::numbers::pi * std::popcount(sectors) / 64;
   const double bins = std::max(1.0, static_cast<double>(to_ends.size()) / kRaysABin);
   const double edge = std::sqrt(width * height / bins);
@@ -66,12 +68,12 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   bin_of_.resize(to_ends.size());
   starts_.assign(count + 1, 0);
   for (size_t i = 0; i < to_ends.size(); ++i) {
-    const int u = static_cast<int>(DiamondAngle(to_ends[i].x(), to_ends[i].y()) * u_scale_) & (bins_u_ - 1);
-    const uint32_t bin = static_cast<uint32_t>(BinV(SineOfElevation(to_ends[i]))) * bins_u_ + u;
+    const int u = static_cast<int>(directions_[i].diamond * u_scale_) & (bins_u_ - 1);
+    const uint32_t bin = static_cast<uint32_t>(BinV(directions_[i].sine)) * bins_u_ + u;
     bin_of_[i] = bin;
     ++starts_[bin + 1];
     float& reach = levels_[0].reach[bin];
-    reach = std::max(reach, kRoundingUp * static_cast<float>(share * to_ends[i].norm()));
+    reach = std::max(reach, kRoundingUp * static_cast<float>(share) * directions_[i].length);
   }
   for (size_t bin = 0; bin < count; ++bin) starts_[bin + 1] += starts_[bin];
   rays_.resize(to_ends.size(), Ray(Eigen::Vector3d::Zero()));

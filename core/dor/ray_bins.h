@@ -54,6 +54,10 @@ class RayBins {
   static constexpr int kCoarse = 2;
   static constexpr int kCoarseBins = 1 << kCoarse;
 
+  struct Direction {
+    float diamond = 0, sine = 0, length = 0;
+  };
+
   // Bins of directions, both ends included; u may leave [0, bins_u_) and wraps. And the nearest distance to look for.
   struct Window {
     int u0 = 0, u1 = 0, v0 = 0, v1 = 0;
@@ -75,7 +79,8 @@ class RayBins {
   double sine_low_ = 0, v_scale_ = 0, u_scale_ = 0;
   std::vector<Level> levels_;
   std::vector<uint32_t> starts_;
-  std::vector<Ray> rays_;  // by bin
+  std::vector<Ray> rays_;              // by bin
+  std::vector<Direction> directions_;  // of the rays as they came
   std::vector<uint32_t> bin_of_;
 };
 

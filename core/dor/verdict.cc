@@ -101,9 +101,10 @@ void ProtectGround(const Scene& scene, std::span<const Pose> poses, const DorPar
   std::vector<char> is_anchor(scene.size());
   scene.ForEach([&](uint32_t id) {
     if (!scene.was_hit(id)) return;
+    if (scene.R(id) < parameters.stability_threshold) return;
     const Moments moments = scene.MomentsAround(id);
-    is_anchor[id] = scene.R(id) >= parameters.stability_threshold && moments.count >= kMinAnchorSubVoxels &&
-                    std::abs(SurfaceOf(moments).normal.z()) > parameters.ground_slope;
+    is_anchor[id] =
+        moments.count >= kMinAnchorSubVoxels && std::abs(SurfaceOf(moments).normal.z()) > parameters.ground_slope;
   });
   std::vector<Eigen::Vector3d> anchors;
   for (uint32_t id = 0; id < scene.size(); ++id) {
