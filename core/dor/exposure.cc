@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <mutex>
 #include <numbers>
 #include <utility>
@@ -166,7 +167,7 @@ class ScanCount {
 
   bool MayReachCube(const VoxelIndex& corner, int32_t size) const {
     const Eigen::Vector3d centre(corner.x + 0.5 * size, corner.y + 0.5 * size, corner.z + 0.5 * size);
-    return scratch_.bins.MayReach(centre - from_, std::numbers::sqrt3 / 2 * size);
+    return scratch_.bins.MayReach({centre - from_, size / std::numbers::sqrt2, 0.5 * size});
   }
 
   void ProjectBrick(int32_t brick) {
@@ -190,8 +191,9 @@ class ScanCount {
 
   bool IsExposed(const VoxelIndex& voxel, uint64_t mask) const {
     const RayTarget target(voxel, mask, from_);
-    return scratch_.bins.AnyRay((target.low + target.high) / 2, (target.high - target.low).norm() / 2,
-                                [&](const Ray& ray) { return SeesThrough(ray, target, end_); });
+    const Eigen::Vector3d half = (target.high - target.low) / 2;
+    const RayBins::Region region{target.low + half, std::sqrt(half.x() * half.x() + half.y() * half.y()), half.z()};
+    return scratch_.bins.AnyRay(region, [&](const Ray& ray) { return SeesThrough(ray, target, end_); });
   }
 
   const VoxelGrid& grid_;

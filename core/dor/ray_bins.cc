@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace mapkeep {
 namespace {
 
-constexpr double kRaysABin = 2;
+constexpr double kRaysABin = 1;
 constexpr int kMaxBinsAround = 8192;
 constexpr int kMaxBinsUp = 4096;
 constexpr float kRoundingUp = 1.00001F;  // a bin's reach is a float and must not be too short
@@ -18,6 +19,12 @@ double DiamondAngle(double x, double y) {
   const double sum = std::abs(x) + std::abs(y);
   if (sum == 0) return 0;
   return y >= 0 ? 1 - x / sum : 3 + x / sum;
+}
+
+// Of the elevation, at a level distance and a height.
+double Sine(double flat, double height) {
+  const double length = std::sqrt(flat * flat + height * height);
+  return length == 0 ? 0 : height / length;
 }
 
 // An upper bound of asin(ratio), for ratio up to kWide.
@@ -55,6 +62,7 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   bins_u_ = static_cast<int>(std::bit_ceil(around));
   bins_v_ = static_cast<int>(std::clamp(height / edge, 1.0, double{kMaxBinsUp}));
   sine_low_ = low;
+  sine_high_ = high;
   v_scale_ = bins_v_ / height;
   u_scale_ = bins_u_ / 4.0;
 
@@ -97,29 +105,29 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   }
 }
 
-RayBins::Window RayBins::WindowOf(const Eigen::Vector3d& centre, double radius) const {
+RayBins::Window RayBins::WindowOf(const Region& region) const {
   Window window;
+  const Eigen::Vector3d& centre = region.centre;
   const double flat = std::sqrt(centre.x() * centre.x() + centre.y() * centre.y());
-  const double distance = std::sqrt(flat * flat + centre.z() * centre.z());
-  window.distance = static_cast<float>(std::max(0.0, distance - radius));
-  if (radius > kWide * flat) {
+  const double nearest = std::max(0.0, flat - region.radius), farthest = flat + region.radius;
+  if (region.radius > kWide * flat) {
     window.u1 = bins_u_ - 1;
   } else {
     const double u = DiamondAngle(centre.x(), centre.y());
-    const double half = AngleBound(radius / flat);
+    const double half = AngleBound(region.radius / flat);
     window.u0 = static_cast<int>(std::floor((u - half) * u_scale_));
     window.u1 = static_cast<int>(std::floor((u + half) * u_scale_));
   }
-  if (radius > kWide * distance) {
-    window.v1 = bins_v_ - 1;
-  } else {
-    const double sine = centre.z() / distance;
-    const double half = AngleBound(radius / distance);
-    window.v0 = BinV(sine - half);
-    window.v1 = BinV(sine + half);
-    // Directions that no ray of the scan has.
-    if (sine + half < sine_low_ || (sine - half - sine_low_) * v_scale_ >= bins_v_ + 1) window.distance = 1e30F;
-  }
+  // The steepest and the flattest direction into the region lie in its corners.
+  const double low = centre.z() - region.half_height, high = centre.z() + region.half_height;
+  const double sine_low = Sine(low > 0 ? farthest : nearest, low) - kRounding;
+  const double sine_high = Sine(high > 0 ? nearest : farthest, high) + kRounding;
+  window.v0 = BinV(sine_low);
+  window.v1 = BinV(sine_high);
+  const double rise = std::max({0.0, low, -high});
+  window.distance = static_cast<float>(std::sqrt(nearest * nearest + rise * rise));
+  // Directions that no ray of the scan has.
+  if (sine_high < sine_low_ || sine_low > sine_high_) window.distance = std::numeric_limits<float>::infinity();
   return window;
 }
 
@@ -137,7 +145,5 @@ bool RayBins::Reaches(const Window& window) const {
   }
   return false;
 }
-
-bool RayBins::MayReach(const Eigen::Vector3d& centre, double radius) const { return Reaches(WindowOf(centre, radius)); }
 
 }  // namespace mapkeep

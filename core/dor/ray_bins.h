@@ -11,7 +11,7 @@
 namespace mapkeep {
 
 /// The rays of one scan, sorted by direction, so that the few that may pass a small box are found without walking any.
-/// Works for any sensor: bins of equal solid angle over the directions that occur, about two rays each. Lengths in any
+/// Works for any sensor: bins of equal solid angle over the directions that occur, about a ray each. Lengths in any
 /// unit, directions in axes that are the same for rays and queries.
 class RayBins {
  public:
@@ -19,16 +19,27 @@ class RayBins {
   /// the memory of the scan before again.
   void Build(std::span<const Eigen::Vector3d> to_ends, double share);
 
-  /// Whether any ray near the ball (its centre relative to the sensor) is at least as long as the ball is far: false
-  /// means that no ray passes through the ball.
-  bool MayReach(const Eigen::Vector3d& centre, double radius) const;
+  /// A region that rays may pass: an upright cylinder around a point relative to the sensor.
+  struct Region {
+    Eigen::Vector3d centre;
+    double radius = 0;       ///< level
+    double half_height = 0;  ///< vertical
+  };
 
-  /// Whether test(ray) holds for any ray that may pass through the ball. Offers every ray that does, and some that do
-  /// not.
+  /// Whether any ray near the region is at least as long as the region is far: false means that no ray passes it.
+  bool MayReach(const Region& region) const { return Reaches(WindowOf(region)); }
+
+  /// Whether test(ray) holds for any ray that may pass the region. Offers every ray that does, and some that do not.
   template <typename Test>
-  bool AnyRay(const Eigen::Vector3d& centre, double radius, const Test& test) const {
-    const Window window = WindowOf(centre, radius);
+  bool AnyRay(const Region& region, const Test& test) const {
+    const Window window = WindowOf(region);
     if (!Reaches(window)) return false;
+    // Most regions that are passed at all are passed by a ray through their middle.
+    const size_t middle =
+        static_cast<size_t>((window.v0 + window.v1) / 2) * bins_u_ + (((window.u0 + window.u1) >> 1) & (bins_u_ - 1));
+    for (uint32_t i = starts_[middle]; i < starts_[middle + 1]; ++i) {
+      if (test(rays_[i])) return true;
+    }
     const Level& coarse = levels_[kCoarse];
     for (int v = window.v0 >> kCoarse; v <= window.v1 >> kCoarse; ++v) {
       for (int u = window.u0 >> kCoarse; u <= window.u1 >> kCoarse; ++u) {
@@ -71,12 +82,12 @@ class RayBins {
     std::vector<float> reach;
   };
 
-  Window WindowOf(const Eigen::Vector3d& centre, double radius) const;
+  Window WindowOf(const Region& region) const;
   bool Reaches(const Window& window) const;
   int BinV(double sine) const;
 
   int bins_u_ = 1, bins_v_ = 1;  // around (a power of two), and from the lowest direction to the highest
-  double sine_low_ = 0, v_scale_ = 0, u_scale_ = 0;
+  double sine_low_ = 0, sine_high_ = 0, v_scale_ = 0, u_scale_ = 0;
   std::vector<Level> levels_;
   std::vector<uint32_t> starts_;
   std::vector<Ray> rays_;              // by bin
