@@ -39,7 +39,7 @@ struct DorParameters {
   double candidate_threshold = 0.7;  ///< R below it: takes part in the clusters
   double cluster_radius = 0.5;       ///< epsilon of DBSCAN, metres
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
-  double cluster_threshold = 0.3;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
+  double cluster_threshold = 0.35;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
   bool inherit = true;    ///< voxels with little evidence follow those around them
   int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
