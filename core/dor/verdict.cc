@@ -152,8 +152,11 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   for (size_t i = 0; i < candidates.size(); ++i) {
     const int32_t cluster = clusters.ids[i];
     if (cluster == kNoise) continue;  // keeps the verdict on its own R
-    verdicts[candidates[i]] =
-        sums[cluster] / sizes[cluster] < parameters.cluster_threshold ? VoxelVerdict::kDynamic : VoxelVerdict::kStatic;
+    if (sums[cluster] / sizes[cluster] < parameters.cluster_threshold) {
+      verdicts[candidates[i]] = VoxelVerdict::kDynamic;
+    } else if (scene.R(candidates[i]) >= parameters.stability_threshold / 2) {
+      verdicts[candidates[i]] = VoxelVerdict::kStatic;  // what is far below the threshold moved, whatever it touches
+    }
   }
 }
 
