@@ -40,22 +40,17 @@ class RayBins {
     for (uint32_t i = starts_[middle]; i < starts_[middle + 1]; ++i) {
       if (test(rays_[i])) return true;
     }
+    if (window.u1 - window.u0 < 2 * kCoarseBins) return AnyRayIn(window, test);
+    // A wide window is gone through in cells of 4 x 4 bins, most of which do not reach.
     const Level& coarse = levels_[kCoarse];
     for (int v = window.v0 >> kCoarse; v <= window.v1 >> kCoarse; ++v) {
       for (int u = window.u0 >> kCoarse; u <= window.u1 >> kCoarse; ++u) {
         if (coarse.reach[static_cast<size_t>(v) * (coarse.u_mask + 1) + (u & coarse.u_mask)] < window.distance)
           continue;
-        const int v_end = std::min(window.v1, (v << kCoarse) + kCoarseBins - 1);
-        const int u_end = std::min(window.u1, (u << kCoarse) + kCoarseBins - 1);
-        for (int bin_v = std::max(window.v0, v << kCoarse); bin_v <= v_end; ++bin_v) {
-          for (int bin_u = std::max(window.u0, u << kCoarse); bin_u <= u_end; ++bin_u) {
-            const size_t bin = static_cast<size_t>(bin_v) * bins_u_ + (bin_u & (bins_u_ - 1));
-            if (levels_[0].reach[bin] < window.distance) continue;
-            for (uint32_t i = starts_[bin]; i < starts_[bin + 1]; ++i) {
-              if (test(rays_[i])) return true;
-            }
-          }
-        }
+        const Window cell{std::max(window.u0, u << kCoarse), std::min(window.u1, (u << kCoarse) + kCoarseBins - 1),
+                          std::max(window.v0, v << kCoarse), std::min(window.v1, (v << kCoarse) + kCoarseBins - 1),
+                          window.distance};
+        if (AnyRayIn(cell, test)) return true;
       }
     }
     return false;
@@ -81,6 +76,21 @@ class RayBins {
     int v_count = 0;
     std::vector<float> reach;
   };
+
+  template <typename Test>
+  bool AnyRayIn(const Window& window, const Test& test) const {
+    for (int v = window.v0; v <= window.v1; ++v) {
+      const size_t row = static_cast<size_t>(v) * bins_u_;
+      for (int u = window.u0; u <= window.u1; ++u) {
+        const size_t bin = row + (u & (bins_u_ - 1));
+        if (levels_[0].reach[bin] < window.distance) continue;
+        for (uint32_t i = starts_[bin]; i < starts_[bin + 1]; ++i) {
+          if (test(rays_[i])) return true;
+        }
+      }
+    }
+    return false;
+  }
 
   Window WindowOf(const Region& region) const;
   bool Reaches(const Window& window) const;
