@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <mutex>
 #include <numbers>
 #include <utility>
@@ -57,8 +58,9 @@ class ScanMarks {
     return local == kNoBrick ? nullptr : &marks_[local];
   }
 
-  std::vector<VoxelIndex> voxels;        // of the scan's points
-  std::vector<Eigen::Vector3d> to_ends;  // from the sensor to the points, in voxel edges
+  std::vector<VoxelIndex> voxels;          // of the scan's points
+  std::vector<Eigen::Vector3d> positions;  // of the points, in voxel edges
+  std::vector<Eigen::Vector3d> to_ends;    // from the sensor to the points, in voxel edges
   RayBins bins;
 
  private:
@@ -69,15 +71,13 @@ class ScanMarks {
 // One scan against the voxels of the session.
 class ScanCount {
  public:
-  ScanCount(const Scan& scan, const Pose& pose, double voxel_size, const SessionVoxels& voxels,
-            const ExposureParameters& parameters, ScanMarks& scratch)
-      : scan_(scan),
-        pose_(pose),
-        voxel_size_(voxel_size),
-        grid_(voxels.grid),
+  // The scratch holds the points' voxels and positions; `sensor` is in voxel edges too.
+  ScanCount(const Eigen::Vector3d& sensor, const SessionVoxels& voxels, const ExposureParameters& parameters,
+            ScanMarks& scratch)
+      : grid_(voxels.grid),
         masks_(voxels.masks),
         parameters_(parameters),
-        from_(pose.translation() / voxel_size),
+        from_(sensor),
         end_(1 - parameters.margin_by_range),
         scratch_(scratch) {}
 
@@ -120,9 +120,7 @@ class ScanCount {
   }
 
  private:
-  Eigen::Vector3d ToEnd(size_t point) const {
-    return (pose_ * scan_.points[point].cast<double>()) / voxel_size_ - from_;
-  }
+  Eigen::Vector3d ToEnd(size_t point) const { return scratch_.positions[point] - from_; }
 
   uint64_t MaskOf(uint32_t id) const {
     // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
@@ -161,7 +159,7 @@ class ScanCount {
       ScanMarks::Marks& marks = scratch_.Of(brick);
       if ((grid_.bits(brick)[layer] & ~marks.shielded[layer] & ~marks.exposed[layer] & bit) != 0) {
         const uint64_t mask = MaskOf(grid_.IdInBrick(brick, layer, bit));
-        if (SeesThrough(ray, from_, voxel, mask, BoxOf(mask), end_)) marks.exposed[layer] |= bit;
+        if (SeesThrough(ray, RayTarget(voxel, mask, from_), end_)) marks.exposed[layer] |= bit;
       }
       walk.Step();
     }
@@ -169,7 +167,7 @@ class ScanCount {
 
   bool MayReachCube(const VoxelIndex& corner, int32_t size) const {
     const Eigen::Vector3d centre(corner.x + 0.5 * size, corner.y + 0.5 * size, corner.z + 0.5 * size);
-    return scratch_.bins.MayReach(centre - from_, std::numbers::sqrt3 / 2 * size);
+    return scratch_.bins.MayReach({centre - from_, size / std::numbers::sqrt2, 0.5 * size});
   }
 
   void ProjectBrick(int32_t brick) {
@@ -192,17 +190,12 @@ class ScanCount {
   }
 
   bool IsExposed(const VoxelIndex& voxel, uint64_t mask) const {
-    const MaskBox box = BoxOf(mask);
-    const Eigen::Vector3d extent(box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]);
-    const Eigen::Vector3d centre = Eigen::Vector3d(voxel.x, voxel.y, voxel.z) +
-                                   Eigen::Vector3d(box.low[0], box.low[1], box.low[2]) / 4 + extent / 8 - from_;
-    return scratch_.bins.AnyRay(centre, extent.norm() / 8,
-                                [&](const Ray& ray) { return SeesThrough(ray, from_, voxel, mask, box, end_); });
+    const RayTarget target(voxel, mask, from_);
+    const Eigen::Vector3d half = (target.high - target.low) / 2;
+    const RayBins::Region region{target.low + half, std::sqrt(half.x() * half.x() + half.y() * half.y()), half.z()};
+    return scratch_.bins.AnyRay(region, [&](const Ray& ray) { return SeesThrough(ray, target, end_); });
   }
 
-  const Scan& scan_;
-  const Pose& pose_;
-  const double voxel_size_;
   const VoxelGrid& grid_;
   const std::vector<uint64_t>& masks_;
   const ExposureParameters& parameters_;
@@ -280,10 +273,11 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
   tbb::enumerable_thread_specific<ScanMarks> scratches([&] { return ScanMarks(grid.brick_count()); });
   const auto count = [&](size_t index, const Scan& scan) -> absl::Status {
     ScanMarks& scratch = scratches.local();
-    if (auto status = VoxelsOfScan(scan, poses[index], voxel_size, scratch.voxels); !status.ok()) return status;
+    if (auto status = VoxelsOfScan(scan, poses[index], voxel_size, scratch.voxels, scratch.positions); !status.ok())
+      return status;
     const auto sensor = VoxelIndexOf(poses[index].translation(), voxel_size);
     if (!sensor.ok()) return {sensor.status().code(), absl::StrCat("its sensor position: ", sensor.status().message())};
-    ScanCount scan_count(scan, poses[index], voxel_size, voxels, parameters, scratch);
+    ScanCount scan_count(poses[index].translation() / voxel_size, voxels, parameters, scratch);
     scan_count.MarkHits();
     if (parameters.engine == ExposureEngine::kRayWalk) {
       scan_count.WalkRays(*sensor);

@@ -36,16 +36,16 @@ struct DorParameters {
   double ground_step = 0.3;       ///< ground continues into the next cell if its height differs by less, metres
 
   bool cluster = true;               ///< decide on DBSCAN clusters (eq. 5), not on single voxels
-  double candidate_threshold = 0.5;  ///< R below it: takes part in the clusters
+  double candidate_threshold = 0.6;  ///< R below it: takes part in the clusters
   double cluster_radius = 0.5;       ///< epsilon of DBSCAN, metres
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
-  double cluster_threshold = 0.4;    ///< tau_cluster: a cluster whose mean R is below it is dynamic
+  double cluster_threshold = 0.35;   ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
   bool inherit = true;    ///< voxels with little evidence follow those around them
   int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
 
-  bool verify_ankles = true;     ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
-  double ankle_tolerance = 0.1;  ///< delta_tol: their points this far above the ground go, metres
+  bool verify_ankles = true;      ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
+  double ankle_tolerance = 0.06;  ///< delta_tol: their points this far above the ground go, metres
 
   bool restore = true;  ///< give points of isolated dynamic voxels back with the probability of eq. 6
   uint64_t seed = 0;    ///< of eq. 6, together with voxel, scan and point

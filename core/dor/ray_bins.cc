@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace mapkeep {
@@ -20,32 +21,44 @@ double DiamondAngle(double x, double y) {
   return y >= 0 ? 1 - x / sum : 3 + x / sum;
 }
 
-double SineOfElevation(const Eigen::Vector3d& d) {
-  const double length = d.norm();
-  return length == 0 ? 0 : d.z() / length;
+// Of the elevation, at a level distance and a height.
+double Sine(double flat, double height) {
+  const double length = std::sqrt(flat * flat + height * height);
+  return length == 0 ? 0 : height / length;
+}
+
+// std::floor is a call without SSE 4.1, and this is asked four times a voxel.
+int Floor(double value) {
+  const int truncated = static_cast<int>(value);
+  return truncated - (value < truncated ? 1 : 0);
 }
 
 // An upper bound of asin(ratio), for ratio up to kWide.
 constexpr double kWide = 0.7;
-double AngleBound(double ratio) { return 1.12 * ratio; }
+constexpr double kRounding = 1e-5;  // of directions kept as floats
+double AngleBound(double ratio) { return 1.12 * ratio + kRounding; }
 
 }  // namespace
 
-int RayBins::BinV(double sine) const {
-  return std::clamp(static_cast<int>(std::floor((sine - sine_low_) * v_scale_)), 0, bins_v_ - 1);
-}
+int RayBins::BinV(double sine) const { return std::clamp(Floor((sine - sine_low_) * v_scale_), 0, bins_v_ - 1); }
 
 void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   // How much of the sphere the scan covers, to have about the same number of rays in a bin for every sensor.
-  double low = 1, high = -1;
+  float low = 1, high = -1;
   uint64_t sectors = 0;  // 64 around
-  for (const Eigen::Vector3d& to_end : to_ends) {
-    const double sine = SineOfElevation(to_end);
-    low = std::min(low, sine);
-    high = std::max(high, sine);
-    sectors |= uint64_t{1} << (static_cast<int>(16 * DiamondAngle(to_end.x(), to_end.y())) & 63);
+  directions_.resize(to_ends.size());
+  for (size_t i = 0; i < to_ends.size(); ++i) {
+    const double length = to_ends[i].norm();
+    // Floats are off by less than the slack that windows have.
+    Direction& direction = directions_[i];
+    direction.diamond = static_cast<float>(DiamondAngle(to_ends[i].x(), to_ends[i].y()));
+    direction.sine = static_cast<float>(length == 0 ? 0 : to_ends[i].z() / length);
+    direction.length = static_cast<float>(length);
+    low = std::min(low, direction.sine);
+    high = std::max(high, direction.sine);
+    sectors |= uint64_t{1} << (static_cast<int>(16 * direction.diamond) & 63);
   }
-  const double height = std::max(high - low, 1e-3);
+  const double height = std::max<double>(high - low, 1e-3);
   const double width = 2 * std::numbers::pi * std::popcount(sectors) / 64;
   const double bins = std::max(1.0, static_cast<double>(to_ends.size()) / kRaysABin);
   const double edge = std::sqrt(width * height / bins);
@@ -53,6 +66,7 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   bins_u_ = static_cast<int>(std::bit_ceil(around));
   bins_v_ = static_cast<int>(std::clamp(height / edge, 1.0, double{kMaxBinsUp}));
   sine_low_ = low;
+  sine_high_ = high;
   v_scale_ = bins_v_ / height;
   u_scale_ = bins_u_ / 4.0;
 
@@ -66,12 +80,12 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   bin_of_.resize(to_ends.size());
   starts_.assign(count + 1, 0);
   for (size_t i = 0; i < to_ends.size(); ++i) {
-    const int u = static_cast<int>(DiamondAngle(to_ends[i].x(), to_ends[i].y()) * u_scale_) & (bins_u_ - 1);
-    const uint32_t bin = static_cast<uint32_t>(BinV(SineOfElevation(to_ends[i]))) * bins_u_ + u;
+    const int u = static_cast<int>(directions_[i].diamond * u_scale_) & (bins_u_ - 1);
+    const uint32_t bin = static_cast<uint32_t>(BinV(directions_[i].sine)) * bins_u_ + u;
     bin_of_[i] = bin;
     ++starts_[bin + 1];
     float& reach = levels_[0].reach[bin];
-    reach = std::max(reach, kRoundingUp * static_cast<float>(share * to_ends[i].norm()));
+    reach = std::max(reach, kRoundingUp * static_cast<float>(share) * directions_[i].length);
   }
   for (size_t bin = 0; bin < count; ++bin) starts_[bin + 1] += starts_[bin];
   rays_.resize(to_ends.size(), Ray(Eigen::Vector3d::Zero()));
@@ -95,29 +109,29 @@ void RayBins::Build(std::span<const Eigen::Vector3d> to_ends, double share) {
   }
 }
 
-RayBins::Window RayBins::WindowOf(const Eigen::Vector3d& centre, double radius) const {
+RayBins::Window RayBins::WindowOf(const Region& region) const {
   Window window;
+  const Eigen::Vector3d& centre = region.centre;
   const double flat = std::sqrt(centre.x() * centre.x() + centre.y() * centre.y());
-  const double distance = std::sqrt(flat * flat + centre.z() * centre.z());
-  window.distance = static_cast<float>(std::max(0.0, distance - radius));
-  if (radius > kWide * flat) {
+  const double nearest = std::max(0.0, flat - region.radius), farthest = flat + region.radius;
+  if (region.radius > kWide * flat) {
     window.u1 = bins_u_ - 1;
   } else {
     const double u = DiamondAngle(centre.x(), centre.y());
-    const double half = AngleBound(radius / flat);
-    window.u0 = static_cast<int>(std::floor((u - half) * u_scale_));
-    window.u1 = static_cast<int>(std::floor((u + half) * u_scale_));
+    const double half = AngleBound(region.radius / flat);
+    window.u0 = Floor((u - half) * u_scale_);
+    window.u1 = Floor((u + half) * u_scale_);
   }
-  if (radius > kWide * distance) {
-    window.v1 = bins_v_ - 1;
-  } else {
-    const double sine = centre.z() / distance;
-    const double half = AngleBound(radius / distance);
-    window.v0 = BinV(sine - half);
-    window.v1 = BinV(sine + half);
-    // Directions that no ray of the scan has.
-    if (sine + half < sine_low_ || (sine - half - sine_low_) * v_scale_ >= bins_v_ + 1) window.distance = 1e30F;
-  }
+  // The steepest and the flattest direction into the region lie in its corners.
+  const double low = centre.z() - region.half_height, high = centre.z() + region.half_height;
+  const double sine_low = Sine(low > 0 ? farthest : nearest, low) - kRounding;
+  const double sine_high = Sine(high > 0 ? nearest : farthest, high) + kRounding;
+  window.v0 = BinV(sine_low);
+  window.v1 = BinV(sine_high);
+  const double rise = std::max({0.0, low, -high});
+  window.distance = static_cast<float>(std::sqrt(nearest * nearest + rise * rise));
+  // Directions that no ray of the scan has.
+  if (sine_high < sine_low_ || sine_low > sine_high_) window.distance = std::numeric_limits<float>::infinity();
   return window;
 }
 
@@ -135,7 +149,5 @@ bool RayBins::Reaches(const Window& window) const {
   }
   return false;
 }
-
-bool RayBins::MayReach(const Eigen::Vector3d& centre, double radius) const { return Reaches(WindowOf(centre, radius)); }
 
 }  // namespace mapkeep

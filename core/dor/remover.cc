@@ -31,7 +31,8 @@ std::vector<PointLabel> LabelPoints(const Window& window, const Scan& scan, cons
                                     const DorParameters& parameters, PointCounts& counts) {
   std::vector<PointLabel> labels(scan.points.size(), PointLabel::kStatic);
   std::vector<VoxelIndex> voxels;
-  if (!VoxelsOfScan(scan, pose, parameters.voxel_size, voxels).ok()) return labels;
+  std::vector<Eigen::Vector3d> positions;
+  if (!VoxelsOfScan(scan, pose, parameters.voxel_size, voxels, positions).ok()) return labels;
   int32_t brick = kNoBrick;
   VoxelIndex brick_at;
   for (size_t i = 0; i < labels.size(); ++i) {
@@ -42,7 +43,7 @@ std::vector<PointLabel> LabelPoints(const Window& window, const Scan& scan, cons
     }
     const uint32_t id = brick == kNoBrick ? kNoVoxel : window.grid.FindInBrick(brick, voxels[i]);
     if (id == kNoVoxel) continue;  // not a scan of the session
-    const double height = (pose * scan.points[i].cast<double>()).z();
+    const double height = positions[i].z() * parameters.voxel_size;
     labels[i] = LabelOf(window.verdict, id, voxels[i], height, i, parameters.seed);
     counts.removed += labels[i] == PointLabel::kDynamic;
     counts.restored += window.verdict.voxels[id] == VoxelVerdict::kIsolated && labels[i] == PointLabel::kStatic;

@@ -25,11 +25,10 @@ int32_t Floor(double value) {
   return truncated - (value < truncated ? 1 : 0);
 }
 
-// The cells of edge voxel_size / kParts. Scaling by a power of two is exact, so that cells nest.
-template <int kParts>
-absl::Status CellsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& cells) {
+// Calls visit(index, position) for every point, positions in voxel edges.
+template <typename Visit>
+absl::Status ForEachPosition(const Scan& scan, const Pose& pose, double voxel_size, const Visit& visit) {
   if (scan.points.empty()) return absl::InvalidArgumentError("the scan has no points");
-  cells.resize(scan.points.size());
   for (size_t i = 0; i < scan.points.size(); ++i) {
     // The same arithmetic as VoxelIndexOf, so that every stage puts a point into the same voxel.
     const Eigen::Vector3d at = (pose * scan.points[i].cast<double>()) / voxel_size;
@@ -40,10 +39,12 @@ absl::Status CellsOfScan(const Scan& scan, const Pose& pose, double voxel_size, 
       const absl::Status status = VoxelIndexOf(pose * scan.points[i].cast<double>(), voxel_size).status();
       return {status.code(), absl::StrFormat("point %d: %s", i, status.message())};
     }
-    cells[i] = {Floor(kParts * at.x()), Floor(kParts * at.y()), Floor(kParts * at.z())};
+    visit(i, at);
   }
   return absl::OkStatus();
 }
+
+VoxelIndex Floor(const Eigen::Vector3d& at) { return {Floor(at.x()), Floor(at.y()), Floor(at.z())}; }
 
 }  // namespace
 
@@ -91,13 +92,22 @@ absl::Status ForEachScan(const ScanSource& scans, const ProgressPart& progress,
   return first_error;
 }
 
-absl::Status VoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& voxels) {
-  return CellsOfScan<1>(scan, pose, voxel_size, voxels);
+absl::Status VoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& voxels,
+                          std::vector<Eigen::Vector3d>& positions) {
+  voxels.resize(scan.points.size());
+  positions.resize(scan.points.size());
+  return ForEachPosition(scan, pose, voxel_size, [&](size_t i, const Eigen::Vector3d& at) {
+    voxels[i] = Floor(at);
+    positions[i] = at;
+  });
 }
 
 absl::Status SubVoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size,
                              std::vector<VoxelIndex>& sub_voxels) {
-  return CellsOfScan<4>(scan, pose, voxel_size, sub_voxels);
+  sub_voxels.resize(scan.points.size());
+  // Scaling by a power of two is exact, so that sub-voxels nest in voxels.
+  return ForEachPosition(scan, pose, voxel_size,
+                         [&](size_t i, const Eigen::Vector3d& at) { sub_voxels[i] = Floor(4 * at); });
 }
 
 }  // namespace mapkeep

@@ -30,10 +30,12 @@ absl::Status CheckSession(const ScanSource& scans, std::span<const Pose> poses);
 absl::Status ForEachScan(const ScanSource& scans, const ProgressPart& progress,
                          const std::function<absl::Status(size_t index, const Scan& scan)>& work);
 
-/// The voxel of every point of a scan under a pose. INVALID_ARGUMENT or OUT_OF_RANGE naming the point.
-absl::Status VoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& voxels);
+/// The voxel of every point of a scan under a pose, and where the point is in voxel edges. INVALID_ARGUMENT or
+/// OUT_OF_RANGE naming the point.
+absl::Status VoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size, std::vector<VoxelIndex>& voxels,
+                          std::vector<Eigen::Vector3d>& positions);
 
-/// The same with a quarter of the voxel size: the sub-voxels 4 v .. 4 v + 3 are those of voxel v.
+/// The sub-voxel of every point, a quarter of the voxel's edge: 4 v .. 4 v + 3 are those of voxel v. Errors likewise.
 absl::Status SubVoxelsOfScan(const Scan& scan, const Pose& pose, double voxel_size,
                              std::vector<VoxelIndex>& sub_voxels);
 

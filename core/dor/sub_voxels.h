@@ -41,30 +41,43 @@ struct Ray {
   }
 };
 
-/// Whether a ray that starts at `from` passes through the occupied part of a voxel before t = end. Lengths in voxel
-/// edges. Inside the box of the occupied sub-voxels the ray is sampled, so that it may miss a corner that it only
-/// clips.
-inline bool SeesThrough(const Ray& ray, const Eigen::Vector3d& from, const VoxelIndex& voxel, uint64_t mask,
-                        const MaskBox& box, double end) {
-  const Eigen::Vector3d corner = Eigen::Vector3d(voxel.x, voxel.y, voxel.z) - from;
+/// The occupied part of a voxel as a ray meets it. Lengths in voxel edges, relative to the sensor.
+struct RayTarget {
+  uint64_t mask;
+  Eigen::Vector3d corner;     ///< the voxel's lowest
+  Eigen::Vector3d low, high;  ///< the box around the occupied sub-voxels
+  bool solid;                 ///< the box has no empty sub-voxel
+
+  RayTarget(const VoxelIndex& voxel, uint64_t occupied, const Eigen::Vector3d& sensor)
+      : mask(occupied), corner(Eigen::Vector3d(voxel.x, voxel.y, voxel.z) - sensor) {
+    const MaskBox box = BoxOf(mask);
+    low = corner + 0.25 * Eigen::Vector3d(box.low[0], box.low[1], box.low[2]);
+    high = corner + 0.25 * Eigen::Vector3d(box.high[0], box.high[1], box.high[2]);
+    solid = std::popcount(mask) == box.volume();
+  }
+};
+
+/// Whether a ray passes through the target before t = end. Inside the box the ray is sampled, so that it may miss a
+/// corner that it only clips.
+inline bool SeesThrough(const Ray& ray, const RayTarget& target, double end) {
   double enter = 0, leave = end;
   for (int axis = 0; axis < 3; ++axis) {
-    const double a = (corner[axis] + 0.25 * box.low[axis]) * ray.inverse[axis];
-    const double b = (corner[axis] + 0.25 * box.high[axis]) * ray.inverse[axis];
+    const double a = target.low[axis] * ray.inverse[axis];
+    const double b = target.high[axis] * ray.inverse[axis];
     enter = std::max(enter, std::min(a, b));
     leave = std::min(leave, std::max(a, b));
+    if (enter >= leave) return false;
   }
-  // A ray that ends inside the box does not pass through it.
-  if (enter >= leave || leave == end) return false;
-  if (std::popcount(mask) == box.volume()) return true;
+  if (leave == end) return false;  // it ends inside the box
+  if (target.solid) return true;
   constexpr int kSamples = 8;
   const Eigen::Vector3d step = 4 * (leave - enter) / kSamples * ray.along;
-  Eigen::Vector3d at = 4 * (enter * ray.along - corner) + 0.5 * step;
+  Eigen::Vector3d at = 4 * (enter * ray.along - target.corner) + 0.5 * step;
   for (int i = 0; i < kSamples; ++i, at += step) {
     const int x = std::clamp(static_cast<int>(at.x()), 0, 3);
     const int y = std::clamp(static_cast<int>(at.y()), 0, 3);
     const int z = std::clamp(static_cast<int>(at.z()), 0, 3);
-    if ((mask >> (x + 4 * y + 16 * z) & 1) != 0) return true;
+    if ((target.mask >> (x + 4 * y + 16 * z) & 1) != 0) return true;
   }
   return false;
 }

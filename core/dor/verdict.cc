@@ -101,9 +101,10 @@ void ProtectGround(const Scene& scene, std::span<const Pose> poses, const DorPar
   std::vector<char> is_anchor(scene.size());
   scene.ForEach([&](uint32_t id) {
     if (!scene.was_hit(id)) return;
+    if (scene.R(id) < parameters.stability_threshold) return;
     const Moments moments = scene.MomentsAround(id);
-    is_anchor[id] = scene.R(id) >= parameters.stability_threshold && moments.count >= kMinAnchorSubVoxels &&
-                    std::abs(SurfaceOf(moments).normal.z()) > parameters.ground_slope;
+    is_anchor[id] =
+        moments.count >= kMinAnchorSubVoxels && std::abs(SurfaceOf(moments).normal.z()) > parameters.ground_slope;
   });
   std::vector<Eigen::Vector3d> anchors;
   for (uint32_t id = 0; id < scene.size(); ++id) {
@@ -151,8 +152,11 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   for (size_t i = 0; i < candidates.size(); ++i) {
     const int32_t cluster = clusters.ids[i];
     if (cluster == kNoise) continue;  // keeps the verdict on its own R
-    verdicts[candidates[i]] =
-        sums[cluster] / sizes[cluster] < parameters.cluster_threshold ? VoxelVerdict::kDynamic : VoxelVerdict::kStatic;
+    if (sums[cluster] / sizes[cluster] < parameters.cluster_threshold) {
+      verdicts[candidates[i]] = VoxelVerdict::kDynamic;
+    } else if (scene.R(candidates[i]) >= parameters.stability_threshold / 2) {
+      verdicts[candidates[i]] = VoxelVerdict::kStatic;  // what is far below the threshold moved, whatever it touches
+    }
   }
 }
 

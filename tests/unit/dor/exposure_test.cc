@@ -195,6 +195,32 @@ TEST(Exposure, AScanThatHitsAVoxelWhereItWasHitBeforeNeverLowersItsR) {
   }
 }
 
+TEST(Exposure, WithoutSubVoxelsAScanThatHitsAVoxelNeverLowersItsR) {
+  // Also where it hits a part of the voxel that was not hit before: 20 random scans are added to random sessions.
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> any(-4, 4);
+  for (int round = 0; round < 20; ++round) {
+    const auto add = [&](Session& session) {
+      std::vector<Eigen::Vector3d> points(300);
+      for (auto& point : points) point = {any(random), any(random), any(random) / 8};
+      Add(session, At(any(random), any(random), 0.1), points);
+    };
+    Session session;
+    for (int i = 0; i < 5; ++i) add(session);
+    const Evidence before = Count(session, {.sub_voxels = false});
+    add(session);
+    const Evidence after = Count(session, {.sub_voxels = false});
+    size_t hit = 0;
+    for (size_t i = 0; i < before.keys.size(); ++i) {
+      const size_t j = std::ranges::lower_bound(after.keys, before.keys[i]) - after.keys.begin();
+      if (after.hits[j] == before.hits[i]) continue;
+      ++hit;
+      ASSERT_EQ(after.exposures[j], before.exposures[i]);
+    }
+    EXPECT_GT(hit, 0U);
+  }
+}
+
 TEST(Exposure, BadInputIsNamed) {
   const auto message = [](const Session& session) {
     return std::string(CountEvidence(session.source(), session.poses, kVoxel, {}).status().message());

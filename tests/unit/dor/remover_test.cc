@@ -5,8 +5,8 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
-#include <random>
 
 #include "core/dor/exposure.h"
 #include "tests/unit/dor/scenes.h"
@@ -168,6 +168,67 @@ TEST(Remover, GroundUnderAnythingDynamicIsLookedThroughForFeet) {
   DorParameters without;
   without.verify_ankles = false;
   EXPECT_GE(RemovedShare(session, Remove(session), ankle), RemovedShare(session, Remove(session, without), ankle));
+}
+
+TEST(Remover, ACarThatWaitsAndThenLeavesIsRemoved) {
+  const auto car = [](int i) {
+    const double x = i < 8 ? 4 : 4 + 2.5 * (i - 7);
+    return Box{{x, 2, 0.2}, {x + 4, 3.8, 1.6}};
+  };
+  const Session session = Drive(
+      28, [](int i) { return At(0.2 * i, 0, 1.7); },
+      [&](int i) {
+        return World{.boxes = {kWall, kParked, car(i)}};
+      },
+      48, 480);
+  const Removal removal = Remove(session);
+  EXPECT_GT(RemovedShare(session, removal, car), 0.95);
+  EXPECT_LT(RemovedShare(session, removal, [](int) { return kParked; }), 0.01);
+}
+
+TEST(Remover, ARampIsKeptUnderACarThatDrivesUpIt) {
+  const auto ramp = [](double x, double) { return std::clamp(0.15 * (x - 4), 0.0, 3.0); };
+  const auto car = [&](int i) {
+    const double x = 6 + 0.9 * i, z = ramp(x + 4, 0);
+    return Box{{x, 1, z + 0.25}, {x + 4, 2.8, z + 1.6}};
+  };
+  const Session session = Drive(
+      20, [](int i) { return At(0.2 * i, 0, 1.7); }, [&](int i) { return World{.boxes = {car(i)}, .ground = ramp}; },
+      96, 1440);
+  const Removal removal = Remove(session);
+  double ground = 0, lost = 0, on_car = 0, removed = 0;
+  for (size_t i = 0; i < session.scans.size(); ++i) {
+    const auto labels = removal.Label(i, session.scans[i]);
+    for (size_t j = 0; j < labels.size(); ++j) {
+      const Eigen::Vector3d point = session.poses[i] * session.scans[i].points[j].cast<double>();
+      const bool is_ground = std::abs(point.z() - ramp(point.x(), point.y())) < 0.02;
+      const bool gone = labels[j] == PointLabel::kDynamic;
+      // Where it was last, nothing has looked through it yet.
+      if (!is_ground && i >= 14) continue;
+      (is_ground ? ground : on_car) += 1;
+      (is_ground ? lost : removed) += gone;
+    }
+  }
+  EXPECT_LT(lost, 0.005 * ground) << lost << " of " << ground;
+  EXPECT_GT(removed, 0.85 * on_car) << removed << " of " << on_car;
+}
+
+TEST(Remover, EachRefinementCanBeSwitchedOff) {
+  const Session session = Street(10, 24);
+  DorParameters none;
+  none.protect_ground = none.cluster = none.inherit = none.verify_ankles = none.restore = false;
+  const Removal removal = Remove(session, none);
+  EXPECT_EQ(removal.report().ground_voxels, 0U);
+  EXPECT_EQ(removal.report().restored_points, 0U);
+  // What is left is R against its threshold, voxel by voxel.
+  const Evidence& evidence = removal.evidence();
+  const auto labels = removal.Label(3, session.scans[3]);
+  for (size_t j = 0; j < labels.size(); ++j) {
+    const auto voxel = VoxelIndexOf(session.poses[3] * session.scans[3].points[j].cast<double>(), 0.2);
+    const size_t at = std::ranges::lower_bound(evidence.keys, VoxelKeyOf(*voxel)) - evidence.keys.begin();
+    const double r = evidence.hits[at] / (evidence.hits[at] + evidence.exposures[at] + none.eta);
+    ASSERT_EQ(labels[j] == PointLabel::kDynamic, r < none.stability_threshold) << "point " << j;
+  }
 }
 
 TEST(Remover, BadInputIsNamed) {
