@@ -12,7 +12,9 @@ constexpr double kSeedRadius = 6;         // metres around the sensor in which i
 constexpr double kMaxSensorHeight = 10;   // metres
 constexpr double kSensorHeightBin = 0.1;  // metres
 constexpr int kReach = 3;                 // cells over which ground continues where it was not seen
-constexpr double kMaxGrade = 0.3;         // rise by run beyond the first cell of such a gap
+constexpr double kMaxGrade = 0.3;         // rise by run of ground that is continued across such a gap
+constexpr double kFurniture = 0.5;        // what stands on the ground is flat at this height above it, metres,
+constexpr double kClearance = 2.0;        // up to this; a ground above another leaves room for whoever uses the lower
 
 struct Level {
   std::pair<int32_t, int32_t> cell;
@@ -92,12 +94,17 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
     const Level from = levels[open.back()];
     open.pop_back();
     for_each_level_around(from.cell, kReach, [&](uint32_t i, double distance) {
-      const double gap = std::max(0.0, distance - parameters.cell);
-      if (std::abs(levels[i].height - from.height) < parameters.step + kMaxGrade * gap) accept(i);
+      if (std::abs(levels[i].height - from.height) < std::max(parameters.step, kMaxGrade * distance)) accept(i);
     });
   }
+  // Bonnets and roofs of cars can be climbed in steps as well, but there is ground beside them.
   for (const Level& level : levels) {
-    if (level.ground) levels_[level.cell].push_back(level.height);
+    bool on_ground = false;
+    for_each_level_around(level.cell, kReach, [&](uint32_t i, double) {
+      const double above = level.height - levels[i].height;
+      on_ground |= levels[i].ground && above > kFurniture && above < kClearance;
+    });
+    if (level.ground && !on_ground) levels_[level.cell].push_back(level.height);
   }
 }
 

@@ -75,7 +75,8 @@ class MergeStage : public ::testing::Test {
     return *std::move(result);
   }
 
-  const std::string directory_ = ::testing::TempDir() + "merge_stage_test";
+  // One a test: ctest runs them side by side.
+  const std::string directory_ = ::testing::TempDir() + ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<MapStore> maps_;
   std::unique_ptr<Snapshot> empty_, head_;
