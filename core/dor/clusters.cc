@@ -27,7 +27,8 @@ class NeighbourGrid {
     std::vector<std::pair<uint64_t, uint32_t>> keyed(points.size());
     for (uint32_t i = 0; i < points.size(); ++i) {
       const Eigen::Vector3d cell = CellOf(points[i]);
-      keyed[i] = {CellKey(cell.x(), cell.y(), cell.z()), i};
+      keyed[i] = {
+          CellKey(static_cast<int64_t>(cell.x()), static_cast<int64_t>(cell.y()), static_cast<int64_t>(cell.z())), i};
     }
     std::ranges::sort(keyed);
     order_.reserve(keyed.size());
@@ -42,10 +43,10 @@ class NeighbourGrid {
   // Calls visit(index, squared distance) for every point within epsilon of point `of`, itself included.
   template <typename Visit>
   void ForEachNeighbour(uint32_t of, const Visit& visit) const {
-    const Eigen::Vector3d cell = CellOf(points_[of]);
+    const Eigen::Vector3d own = CellOf(points_[of]);
+    const auto x = static_cast<int64_t>(own.x()), y = static_cast<int64_t>(own.y()), z = static_cast<int64_t>(own.z());
     for (int i = 0; i < 27; ++i) {
-      const auto found =
-          cells_.find(CellKey(cell.x() + (i % 3 - 1), cell.y() + (i / 3 % 3 - 1), cell.z() + (i / 9 - 1)));
+      const auto found = cells_.find(CellKey(x + (i % 3 - 1), y + (i / 3 % 3 - 1), z + (i / 9 - 1)));
       if (found == cells_.end()) continue;
       for (uint32_t at = found->second.first; at < found->second.second; ++at) {
         const double squared = (points_[order_[at]] - points_[of]).squaredNorm();

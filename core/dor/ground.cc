@@ -69,9 +69,9 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
   std::map<Cell, double> way;  // a cell that the sensor passed: its height there
   for (const Eigen::Vector3d& sensor : sensors) way.try_emplace(CellOf(sensor), sensor.z());
   std::vector<int64_t> votes(static_cast<size_t>(kMaxSensorHeight / kSensorHeightBin) + 1);
-  for (const auto& [cell, height] : way) {
-    for_each_level_around(cell, seed_radius, [&](uint32_t i, double) {
-      const double below = height - levels[i].height;
+  for (const auto& passed : way) {
+    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, double) {
+      const double below = passed.second - levels[i].height;
       if (below > 0 && below < kMaxSensorHeight) ++votes[static_cast<size_t>(below / kSensorHeightBin)];
     });
   }
@@ -85,9 +85,9 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
     if (std::exchange(levels[i].ground, true)) return;
     open.push_back(i);
   };
-  for (const auto& [cell, height] : way) {
-    for_each_level_around(cell, seed_radius, [&, height = height](uint32_t i, double) {
-      if (std::abs(height - levels[i].height - sensor_height_) < parameters.step) accept(i);
+  for (const auto& passed : way) {
+    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, double) {
+      if (std::abs(passed.second - levels[i].height - sensor_height_) < parameters.step) accept(i);
     });
   }
   while (!open.empty()) {

@@ -43,7 +43,7 @@ class Scene {
   Moments MomentsAround(uint32_t id) const {
     Moments moments;
     ForEachWithin(1, id, [&](uint32_t other, int dx, int dy, int dz) {
-      moments += MomentsOf(masks_[other]).Shifted({4 * dx, 4 * dy, 4 * dz});
+      moments += MomentsOf(masks_[other]).Shifted({int64_t{4} * dx, int64_t{4} * dy, int64_t{4} * dz});
     });
     return moments;
   }
