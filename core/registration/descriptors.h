@@ -12,9 +12,9 @@ namespace mapkeep {
 inline constexpr int kFeatureBins = 11;  ///< of each of the three angles between two normals
 inline constexpr int kDescriptorSize = 3 * kFeatureBins;
 
-/// The surroundings of a point, in a form that no rigid motion changes: round(255 sqrt(share)) of the pairs whose angle
-/// falls in each bin. The square root makes the Euclidean distance between descriptors the Hellinger distance between
-/// histograms; whole bytes make it exact, and are what a store keeps.
+/// The surroundings of a point, in a form that no rigid motion changes: 255 times the share of pairs whose angle falls
+/// in each bin, rounded; each group of kFeatureBins sums to about 255. Whole bytes make distances exact, and are what a
+/// store keeps.
 using Descriptor = std::array<uint8_t, kDescriptorSize>;
 
 /// The angles of two oriented points (Rusu et al., "Fast Point Feature Histograms", 2009, eq. 1), as bins.

@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <utility>
 
@@ -36,6 +37,19 @@ void SortBestFirst(std::vector<PoseCandidate>& candidates) {
                    [](const PoseCandidate& a, const PoseCandidate& b) { return a.inliers > b.inliers; });
 }
 
+// Whether the surfaces at the inliers face every way: along a corridor none faces the way it runs, and noise alone
+// would say where on it the source lies.
+bool FixesEveryDirection(const Features& source, std::span<const Match> matches, std::span<const uint32_t> inliers,
+                         double min_share) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const uint32_t i : inliers) {
+    const Eigen::Vector3d normal = source.normals[matches[i].source].cast<double>();
+    sum += normal * normal.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(sum, Eigen::EigenvaluesOnly);
+  return axes.eigenvalues()[0] > min_share * static_cast<double>(inliers.size());
+}
+
 }  // namespace
 
 Features FeaturesOf(const FacingPoints& input, double voxel_size, const MatcherParameters& parameters) {
@@ -45,6 +59,7 @@ Features FeaturesOf(const FacingPoints& input, double voxel_size, const MatcherP
   for (size_t i = 0; i < descriptors.size(); ++i) {
     if (FlatnessOf(descriptors[i]) > parameters.max_flatness) continue;
     features.points.push_back(cloud.points[i]);
+    features.normals.push_back(cloud.normals[i]);
     features.descriptors.push_back(descriptors[i]);
   }
   return features;
@@ -70,16 +85,18 @@ GlobalMatch MatchFeatures(const Features& source, const MatchTarget& target, con
     // A core can be large and wrong; what it leaves behind may then hold the right one.
     for (const uint32_t i : members) alive[i] = 0;
     auto estimate = SolvePose(Chosen(pairs, members), parameters.solver_bound * voxel, parameters.gnc_factor);
-    if (estimate) estimate = RefitPose(pairs, estimate->pose, parameters.solver_bound * voxel);
+    if (estimate) estimate = RefitPose(pairs, estimate->pose, parameters.inlier_bound * voxel);
     if (!estimate || estimate->inliers.size() < parameters.min_inliers) continue;
     for (const uint32_t i : estimate->inliers) alive[i] = 0;
+    if (!FixesEveryDirection(source, matches, estimate->inliers, parameters.min_normal_share)) continue;
     Add({estimate->pose, estimate->inliers.size(), voxel}, result.candidates);
   }
   SortBestFirst(result.candidates);
   if (result.candidates.empty()) {
-    result.reason =
-        absl::StrFormat("at a voxel of %g m: %d features, %d matches, the largest core has %d, no pose with %d inliers",
-                        voxel, source.points.size(), matches.size(), largest, parameters.min_inliers);
+    result.reason = absl::StrFormat(
+        "at a voxel of %g m: %d features, %d matches, the largest core has %d, no pose with %d inliers that face every "
+        "way",
+        voxel, source.points.size(), matches.size(), largest, parameters.min_inliers);
   }
   return result;
 }

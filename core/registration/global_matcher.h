@@ -21,18 +21,22 @@ struct MatcherParameters {
   double max_flatness = 1.0;  ///< share of a neighbourhood that looks like one plane, above which a point is no feature
   MatchingParameters matching;
   double graph_bound = 1.0;    ///< voxels: error of a match that the compatibility graph allows
-  double solver_bound = 0.75;  ///< voxels: error of a match that counts as inlier of a pose
+  double solver_bound = 0.75;  ///< voxels: error of a match that the solver for rotation and translation allows
+  double inlier_bound = 1.0;   ///< voxels: error of a match that counts as inlier of the pose fitted at last
   double gnc_factor = 1.4;     ///< growth of the non-convexity of the rotation solver a step
   int max_cores = 5;           ///< cores of the graph that are tried, each taken out before the next
-  size_t min_inliers = 10;     ///< a pose with fewer is no candidate
+  double min_normal_share =
+      0.01;                 ///< of the inliers' squared normals along any axis: below, the surfaces let the pose slide
+  size_t min_inliers = 10;  ///< a pose with fewer is no candidate
   size_t enough_inliers = 40;  ///< a best candidate with as many ends the search: no further voxel size is tried
 };
 
 /// Points that can be recognised: what is computed once for each state of a map, kept, and joined to what is kept of
 /// its neighbours. Columns of equal length.
 struct Features {
-  double voxel_size = 0;                ///< v, metres
-  std::vector<Eigen::Vector3d> points;  ///< metres, frame of the input
+  double voxel_size = 0;                 ///< v, metres
+  std::vector<Eigen::Vector3d> points;   ///< metres, frame of the input
+  std::vector<Eigen::Vector3f> normals;  ///< unit
   std::vector<Descriptor> descriptors;
 };
 

@@ -37,7 +37,7 @@ uint64_t KeyOf(const Eigen::Vector3d& point, double per_voxel) {
   return CellKey(cell[0], cell[1], cell[2]) << kLocalBits | local;
 }
 
-// Mean points and summed unit facings a voxel, with their cells.
+// Mean points and unit mean facings (or zero) a voxel, with their cells.
 struct ThinnedPoints {
   std::vector<Eigen::Vector3d> points;
   std::vector<Eigen::Vector3f> facing;
@@ -76,7 +76,9 @@ ThinnedPoints Thin(const FacingPoints& input, double voxel_size) {
       if (std::isfinite(length) && length > 0) facing += input.facing[i] / length;
     }
     thinned.points.emplace_back(sum / static_cast<double>(end - begin));
-    thinned.facing.emplace_back(facing.cast<float>());
+    const double length = facing.norm();
+    thinned.facing.emplace_back(Eigen::Vector3f::Zero());
+    if (length > 0) thinned.facing.back() = (facing / length).cast<float>();
     cells.push_back(order[begin].first >> kLocalBits);
     begin = end;
   }
@@ -104,24 +106,31 @@ Eigen::Vector3f OrientedNormal(std::span<const Eigen::Vector3f> offsets, const E
   return side > 0 ? normal : Eigen::Vector3f(-normal);
 }
 
+// A normal is turned to the side that its neighbours face together: at grazing angles a point alone often errs.
 void NormalsOfCell(const ThinnedPoints& cloud, size_t cell, float radius, std::vector<Eigen::Vector3f>& normals) {
   std::vector<PointRange> ranges;
   NeighbouringRanges(cloud.cell_keys, cloud.cell_begin, cell, ranges);
   const Eigen::Vector3d origin = cloud.points[cloud.cell_begin[cell]];
   std::vector<Eigen::Vector3f> candidates;
+  std::vector<Eigen::Vector3f> facings;
   for (const PointRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i)
+    for (uint32_t i = range.begin; i < range.end; ++i) {
       candidates.emplace_back((cloud.points[i] - origin).cast<float>());
+      facings.push_back(cloud.facing[i]);
+    }
   }
   std::vector<Eigen::Vector3f> offsets;
   for (uint32_t i = cloud.cell_begin[cell]; i < cloud.cell_begin[cell + 1]; ++i) {
     const Eigen::Vector3f point = (cloud.points[i] - origin).cast<float>();
+    Eigen::Vector3f facing = Eigen::Vector3f::Zero();
     offsets.clear();
-    for (const Eigen::Vector3f& candidate : candidates) {
-      const Eigen::Vector3f offset = candidate - point;
-      if (offset.squaredNorm() < radius * radius) offsets.push_back(offset);
+    for (size_t k = 0; k < candidates.size(); ++k) {
+      const Eigen::Vector3f offset = candidates[k] - point;
+      if (!(offset.squaredNorm() < radius * radius)) continue;
+      offsets.push_back(offset);
+      facing += facings[k];
     }
-    normals[i] = OrientedNormal(offsets, cloud.facing[i]);
+    normals[i] = OrientedNormal(offsets, facing);
   }
 }
 

@@ -53,12 +53,19 @@ Drive ReadDrive(const std::filesystem::path& folder) {
 }
 
 // Scans [first, last) at every second place, in the frame `frame` (T_frame_first), with directions to the sensor.
-FacingPoints Joined(const Drive& drive, size_t first, size_t count, const Pose& frame, double edge) {
+// With `rings`, only points near the elevations of a 16-ring sensor (every 2 degrees), with noise along the ray.
+FacingPoints Joined(const Drive& drive, size_t first, size_t count, const Pose& frame, double edge, bool rings = false,
+                    double noise = 0) {
   FacingPoints all;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
   for (size_t k = 0, i = first; k < count && i < drive.scans.size(); ++k, i += 2) {
     const Pose pose = frame * drive.poses[i];
     for (const auto& point : drive.scans[i]) {
-      const Eigen::Vector3d moved = pose * point.cast<double>();
+      const double elevation = std::asin(point.z() / point.norm()) * 180 / std::numbers::pi;
+      if (rings && std::abs(std::remainder(elevation - 1, 2)) > 0.1) continue;
+      if (rings && std::abs(elevation) > 16) continue;
+      const Eigen::Vector3d moved = pose * (point.cast<double>() * (1 + noise * normal(random) / point.norm()));
       all.points.push_back(moved);
       all.facing.emplace_back(pose.translation() - moved);
     }
@@ -109,6 +116,9 @@ int Run(int argc, char** argv) {
   int threads = 2;
   int copies = 1;
   double voxel = 0.5;
+  bool rings = false;
+  double noise = 0;
+  size_t map_scans = 1000;
   double retry = 1.0;
   double map_edge = 0.2;
   double source_edge = 0.3;
@@ -129,11 +139,22 @@ int Run(int argc, char** argv) {
   app.add_option("--probes", parameters.matching.probes);
   app.add_option("--flatness", parameters.max_flatness);
   app.add_flag("--cpu", cpu);
+  app.add_option("--solver-bound", parameters.solver_bound);
+  app.add_option("--graph-bound", parameters.graph_bound);
+  app.add_option("--inlier-bound", parameters.inlier_bound);
+  app.add_option("--normal-radius", parameters.normal_radius);
+  app.add_option("--radius", parameters.descriptor_radius);
+  app.add_option("--cores", parameters.max_cores);
+  app.add_option("--min-inliers", parameters.min_inliers);
+  app.add_flag("--rings", rings);
+  app.add_option("--noise", noise);
+  app.add_option("--map-scans", map_scans);
+  app.add_option("--enough", parameters.enough_inliers);
   CLI11_PARSE(app, argc, argv);
 
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const Drive drive = ReadDrive(folder);
-  const FacingPoints map = Street(Joined(drive, 0, drive.scans.size(), Pose::Identity(), map_edge), copies);
+  const FacingPoints map = Street(Joined(drive, 0, map_scans, Pose::Identity(), map_edge), copies);
   std::vector<MatchTarget> targets;
   for (const double v : {voxel, retry}) {
     const double start = Seconds();
@@ -156,7 +177,8 @@ int Run(int argc, char** argv) {
     motion.linear() = Eigen::AngleAxisd(any(random) * std::numbers::pi, Eigen::Vector3d::UnitZ()).toRotationMatrix();
     motion.translation() = Eigen::Vector3d(200 * any(random), 200 * any(random), 5 * any(random));
     const Pose truth = drive.poses[std::min(first, drive.poses.size() - 1)] * motion.inverse();
-    const FacingPoints source = Joined(drive, first, scans, motion * drive.poses[first].inverse(), source_edge);
+    const FacingPoints source =
+        Joined(drive, first, scans, motion * drive.poses[first].inverse(), source_edge, rings, noise);
 
     double t0 = Seconds();
     const GlobalMatch match = MatchGlobally(source, targets, parameters);
