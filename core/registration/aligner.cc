@@ -167,6 +167,7 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
     const absl::Status status = PlaceWindow(placer, queries, poses, windows[u + 1].correction, parameters, windows[u]);
     if (!status.ok()) return status;
     if (!windows[u].result.trusted) windows[u].correction = windows[u + 1].correction;
+    if (progress && !progress(1)) return absl::CancelledError("stopped while aligning the session");
   }
 
   std::vector<TrustedWindow> trusted;
