@@ -21,7 +21,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr double kUsualEdge = 1600;  // pixels of the longer edge when no scale is given
+constexpr double kUsualEdge = 1400;  // pixels of the longer edge when no scale is given
 constexpr double kFinestScale = 20;  // one pixel a 5 cm sub-voxel
 constexpr double kMostCells = 4e8;   // what a view may hold in memory: about 6 GB
 constexpr double kMarginMetres = 1;
