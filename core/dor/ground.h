@@ -22,8 +22,8 @@ class Ground {
   Ground() = default;
 
   /// `anchors` lie on surfaces whose normal is close to the vertical: ground, but also roofs and tables. What of them
-  /// is ground is what can be reached from below the sensor's way (`sensors`) without a step. Independent of the order
-  /// of the anchors. Metres.
+  /// is ground is what can be reached from below the sensor's way (`sensors`) without a step and does not stand on
+  /// other ground, as bonnets do. Independent of the order of the anchors. Metres.
   Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::Vector3d> sensors,
          const Parameters& parameters);
 
