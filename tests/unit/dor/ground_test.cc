@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <vector>
 
@@ -48,6 +49,18 @@ TEST(Ground, ACarRoofIsNotGround) {
   AddSurface(anchors, 3, 5, 3, 7, [](double, double) { return 1.5; });
   const Ground ground(anchors, Points{{0, 0, 1.7}}, {});
   EXPECT_NEAR(*ground.HeightNear({4, 5, 1.5}), 0, 1e-9);
+}
+
+TEST(Ground, ACarThatCanBeClimbedInStepsIsNotGroundEither) {
+  Points anchors;
+  AddSurface(anchors, -10, 10, -10, 3, [](double, double) { return 0.0; });
+  AddSurface(anchors, -10, 10, 5, 10, [](double, double) { return 0.0; });
+  AddSurface(anchors, -10, 3, 3, 5, [](double, double) { return 0.0; });
+  // Bumper, bonnet, windscreen, roof: a quarter of a metre higher every half metre.
+  const auto top = [](double x, double) { return 0.25 * (1 + std::floor((x - 3) / 0.5)); };
+  AddSurface(anchors, 3, 6, 3, 5, top);
+  const Ground ground(anchors, Points{{0, 0, 1.7}}, {});
+  for (const double x : {4.6, 5.1, 5.6}) EXPECT_LT(*ground.HeightNear({x, 4, top(x, 4)}), 0.6) << "at " << x;
 }
 
 TEST(Ground, ARampLeadsToAnUpperStoreyAndBothStoreysAreGround) {
