@@ -18,6 +18,7 @@
 #include "core/dor/exposure.h"
 #include "core/dor/remover.h"
 #include "core/dor/verdict.h"
+#include "tests/bench/dor_options.h"
 
 namespace mapkeep {
 namespace {
@@ -219,41 +220,19 @@ int Run(int argc, char** argv) {
   DorParameters p;
   size_t first = 0, last = SIZE_MAX;
   int threads = 2, rounds = 1;
-  bool exact = false, rings = false, sensitivity = false, recount = false;
+  bool rings = false, sensitivity = false, recount = false;
   app.add_option("directory", directory)->required();
   app.add_option("--out", out, "write NNNNNN.label files here");
   app.add_option("--first", first);
   app.add_option("--last", last);
   app.add_option("--threads", threads);
   app.add_option("--rounds", rounds);
-  app.add_flag("--exact", exact, "the reference engine");
   app.add_flag("--sensitivity", sensitivity, "the score as each parameter moves by a third");
   app.add_flag("--recount", recount, "the same, also for the parameters that need the scans counted again");
   app.add_flag("--rings", rings, "losses by range");
   app.add_option("--voxel", p.voxel_size);
-  app.add_option("--k", p.window_radius);
-  app.add_option("--eta", p.eta);
-  app.add_option("--tau", p.stability_threshold);
-  app.add_option("--sub-voxels", p.exposure.sub_voxels);
-  app.add_option("--neighbour-hits", p.exposure.neighbour_hits);
-  app.add_option("--margin", p.exposure.margin_by_range);
-  app.add_option("--ground", p.protect_ground);
-  app.add_option("--slope", p.ground_slope);
-  app.add_option("--ground-tolerance", p.ground_tolerance);
-  app.add_option("--ground-cell", p.ground_cell);
-  app.add_option("--ground-step", p.ground_step);
-  app.add_option("--cluster", p.cluster);
-  app.add_option("--candidate", p.candidate_threshold);
-  app.add_option("--eps", p.cluster_radius);
-  app.add_option("--nmin", p.cluster_min_neighbours);
-  app.add_option("--tau-cluster", p.cluster_threshold);
-  app.add_option("--ankle", p.verify_ankles);
-  app.add_option("--ankle-tolerance", p.ankle_tolerance);
-  app.add_option("--inherit", p.inherit);
-  app.add_option("--decided", p.decided_scans);
-  app.add_option("--restore", p.restore);
+  AddDorOptions(app, p);
   CLI11_PARSE(app, argc, argv);
-  if (exact) p.exposure.engine = ExposureEngine::kRayWalk;
 
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const Drive drive = ReadDrive(directory, first, last);

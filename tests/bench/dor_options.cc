@@ -1,0 +1,31 @@
+#include "tests/bench/dor_options.h"
+
+namespace mapkeep {
+
+void AddDorOptions(CLI::App& app, DorParameters& p) {
+  app.add_flag_callback(
+      "--exact", [&p] { p.exposure.engine = ExposureEngine::kRayWalk; }, "the reference engine");
+  app.add_option("--k", p.window_radius);
+  app.add_option("--eta", p.eta);
+  app.add_option("--tau", p.stability_threshold);
+  app.add_option("--sub-voxels", p.exposure.sub_voxels);
+  app.add_option("--neighbour-hits", p.exposure.neighbour_hits);
+  app.add_option("--margin", p.exposure.margin_by_range);
+  app.add_option("--ground", p.protect_ground);
+  app.add_option("--slope", p.ground_slope);
+  app.add_option("--ground-tolerance", p.ground_tolerance);
+  app.add_option("--ground-cell", p.ground_cell);
+  app.add_option("--ground-step", p.ground_step);
+  app.add_option("--cluster", p.cluster);
+  app.add_option("--candidate", p.candidate_threshold);
+  app.add_option("--eps", p.cluster_radius);
+  app.add_option("--nmin", p.cluster_min_neighbours);
+  app.add_option("--tau-cluster", p.cluster_threshold);
+  app.add_option("--ankle", p.verify_ankles);
+  app.add_option("--ankle-tolerance", p.ankle_tolerance);
+  app.add_option("--inherit", p.inherit);
+  app.add_option("--decided", p.decided_scans);
+  app.add_option("--restore", p.restore);
+}
+
+}  // namespace mapkeep
