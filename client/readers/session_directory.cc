@@ -39,6 +39,9 @@ const LayoutReader& ReaderOf(SessionLayout layout) { return kLayouts[static_cast
 /// Times before 2001-09-09 do not count from 1970 but from an unknown start, as KITTI's own do.
 constexpr double kEarliestTime = 1e9;
 
+/// Scans a second where nothing says when they were taken. Removal asks for their order alone.
+constexpr double kUsualScanRate = 10;
+
 std::string Folders() {
   return absl::StrJoin(kLayouts, ", ", [](std::string* out, const LayoutReader& reader) {
     absl::StrAppendFormat(out, "%s/ (%s)", reader.folder, reader.name);
@@ -151,7 +154,8 @@ absl::StatusOr<CheckedScan> ReadScan(const SessionDirectory& directory, size_t i
   absl::StatusOr<Scan> raw = directory.read_file(file);
   if (!raw.ok()) return raw.status();
   absl::StatusOr<CheckedScan> checked = Check(directory, file, *std::move(raw));
-  if (checked.ok() && !directory.times.empty()) checked->scan.time = directory.times[index];
+  if (!checked.ok()) return checked;
+  checked->scan.time = directory.times.empty() ? static_cast<double>(index) / kUsualScanRate : directory.times[index];
   return checked;
 }
 

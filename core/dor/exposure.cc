@@ -4,11 +4,12 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <mutex>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "core/dor/ray_bins.h"
@@ -20,9 +21,6 @@ namespace mapkeep {
 namespace {
 
 constexpr double kCollected = 0.25;  // share of the first pass in the progress
-
-// The sums are of integers, so that the order of the additions does not matter.
-void Increment(uint32_t& count) { std::atomic_ref(count).fetch_add(1, std::memory_order_relaxed); }
 
 // What one scan says about the bricks it touches. Kept a thread and reused: only touched bricks are cleared.
 class ScanMarks {
@@ -204,14 +202,23 @@ class ScanCount {
   ScanMarks& scratch_;
 };
 
-void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& counts) {
+void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& counts, uint32_t now) {
   for (const ScanMarks::Marks& marks : scratch.all()) {
     for (int layer = 0; layer < kBrickSize; ++layer) {
       for (uint64_t rest = marks.hit[layer]; rest != 0; rest &= rest - 1) {
-        Increment(counts.hits[grid.IdInBrick(marks.brick, layer, rest & -rest)]);
+        const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
+        if (counts.hits[id] == 0) {
+          counts.early[id] = counts.exposures[id];
+          counts.first_hit[id] = now;
+        }
+        ++counts.hits[id];
+        counts.last_hit[id] = now;
+        counts.late[id] = 0;
       }
       for (uint64_t rest = marks.exposed[layer]; rest != 0; rest &= rest - 1) {
-        Increment(counts.exposures[grid.IdInBrick(marks.brick, layer, rest & -rest)]);
+        const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
+        ++counts.exposures[id];
+        ++counts.late[id];
       }
     }
   }
@@ -239,7 +246,9 @@ absl::StatusOr<SessionVoxels> CollectVoxels(const ScanSource& scans, std::span<c
   VoxelGrid fine;    // of sub-voxels, a quarter of the edge
   std::mutex mutex;  // guards it; a scan is gathered first, so that the lock is held for its bricks only
   tbb::enumerable_thread_specific<std::pair<VoxelGrid, std::vector<VoxelIndex>>> scratches;
+  std::vector<double> times(scans.count);
   const auto collect = [&](size_t index, const Scan& scan) -> absl::Status {
+    times[index] = scan.time;
     auto& [mine, sub_voxels] = scratches.local();
     if (auto status = SubVoxelsOfScan(scan, poses[index], voxel_size, sub_voxels); !status.ok()) return status;
     mine.Clear();
@@ -251,6 +260,11 @@ absl::StatusOr<SessionVoxels> CollectVoxels(const ScanSource& scans, std::span<c
   if (auto status = ForEachScan(scans, progress, collect); !status.ok()) return status;
 
   SessionVoxels voxels;
+  voxels.order.resize(scans.count);
+  std::iota(voxels.order.begin(), voxels.order.end(), 0U);
+  // All the same: a sensor without a clock. A drive cannot be told from its reverse then, nor from any other order.
+  voxels.ordered = std::ranges::adjacent_find(times, std::not_equal_to()) != times.end();
+  std::ranges::stable_sort(voxels.order, {}, [&](uint32_t index) { return times[index]; });
   for (size_t brick = 0; brick < fine.brick_count(); ++brick) {
     ForEachVoxelOf(fine.bits(static_cast<int32_t>(brick)), fine.CornerOfBrick(static_cast<int32_t>(brick)),
                    [&](const VoxelIndex& voxel, uint64_t) { voxels.grid.Insert(voxel); });
@@ -269,10 +283,17 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
                                         const SessionVoxels& voxels, const ExposureParameters& parameters,
                                         const ProgressPart& progress) {
   const VoxelGrid& grid = voxels.grid;
-  VoxelCounts counts{.hits = std::vector<uint32_t>(grid.size()), .exposures = std::vector<uint32_t>(grid.size())};
-  tbb::enumerable_thread_specific<ScanMarks> scratches([&] { return ScanMarks(grid.brick_count()); });
-  const auto count = [&](size_t index, const Scan& scan) -> absl::Status {
-    ScanMarks& scratch = scratches.local();
+  const size_t size = grid.size();
+  VoxelCounts counts{.hits = std::vector<uint32_t>(size),
+                     .exposures = std::vector<uint32_t>(size),
+                     .ordered = voxels.ordered,
+                     .early = std::vector<uint32_t>(size),
+                     .late = std::vector<uint32_t>(size),
+                     .first_hit = std::vector<uint32_t>(size),
+                     .last_hit = std::vector<uint32_t>(size)};
+  std::vector<ScanMarks> scratches(ScanSlots(), ScanMarks(grid.brick_count()));
+  const auto count = [&](size_t index, const Scan& scan, size_t slot) -> absl::Status {
+    ScanMarks& scratch = scratches[slot];
     if (auto status = VoxelsOfScan(scan, poses[index], voxel_size, scratch.voxels, scratch.positions); !status.ok())
       return status;
     const auto sensor = VoxelIndexOf(poses[index].translation(), voxel_size);
@@ -284,11 +305,14 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
     } else {
       scan_count.ProjectVoxels();
     }
-    AddScan(grid, scratch, counts);
-    scratch.Clear();
     return absl::OkStatus();
   };
-  if (auto status = ForEachScan(scans, progress, count); !status.ok()) return status;
+  uint32_t now = 0;
+  const auto add = [&](size_t, size_t slot) {
+    AddScan(grid, scratches[slot], counts, now++);
+    scratches[slot].Clear();
+  };
+  if (auto status = ForEachScanInOrder(scans, voxels.order, progress, count, add); !status.ok()) return status;
   return counts;
 }
 

@@ -21,12 +21,21 @@ struct SessionVoxels {
   VoxelGrid grid;
   std::vector<uint64_t>
       masks;  ///< by id: 4x4x4 sub-voxels with a point of any scan, bit x + 4 y + 16 z; 0 if never hit
+  std::vector<uint32_t> order;  ///< the scans in the order of their times
+  bool ordered = false;         ///< whether their times are known; if not, `order` is as they were given
 };
 
 /// H and E of eq. 4 by voxel id: statistics, never points.
 struct VoxelCounts {
   std::vector<uint32_t> hits;       ///< scans with a point in the voxel
   std::vector<uint32_t> exposures;  ///< scans that looked through it and had no point in it
+
+  // What the order of the scans adds. Scans are counted from 0 in the order of time.
+  bool ordered = false;             ///< false: the times are not known, and what follows means nothing
+  std::vector<uint32_t> early;      ///< exposures before the first hit
+  std::vector<uint32_t> late;       ///< exposures after the last hit
+  std::vector<uint32_t> first_hit;  ///< the scan of the first hit
+  std::vector<uint32_t> last_hit;   ///< and of the last
 };
 
 /// The first pass. Errors as RemoveDynamicObjects.

@@ -29,7 +29,11 @@ absl::Status CheckParameters(const DorParameters& p) {
       Range{"cluster_radius", p.cluster_radius, 0.01, 100},
       Range{"cluster_min_neighbours", static_cast<double>(p.cluster_min_neighbours), 1, 1e6},
       Range{"cluster_threshold", p.cluster_threshold, 0, 1},
+      Range{"vacated_scans", static_cast<double>(p.vacated_scans), 1, 1e6},
+      Range{"vacated_neighbours", static_cast<double>(p.vacated_neighbours), 1, 1e6},
+      Range{"departure_reach", p.departure_reach, 0, 100},
       Range{"decided_scans", static_cast<double>(p.decided_scans), 0, 1e6},
+      Range{"surrounded_share", p.surrounded_share, 0, 1},
       Range{"ankle_tolerance", p.ankle_tolerance, 0, 10},
   };
   for (const Range& range : ranges) {

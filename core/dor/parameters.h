@@ -41,8 +41,16 @@ struct DorParameters {
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
   double cluster_threshold = 0.35;   ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
+  bool departures = true;        ///< find what stood still and then left, or came and stayed, by the order of scans
+  int vacated_scans = 5;         ///< scans that look through a voxel after its last hit for it to have been left
+  int vacated_neighbours = 12;   ///< voxels of 0.2 m around it that were left at the same time, itself included
+  double departure_reach = 1.6;  ///< metres around those in which the rest of the object is looked for
+
   bool inherit = true;    ///< voxels with little evidence follow those around them
   int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
+
+  bool surround = true;           ///< voxels among dynamic ones that were looked through at all are dynamic
+  double surrounded_share = 0.6;  ///< share of the voxels around, without ground, that must be dynamic
 
   bool verify_ankles = true;      ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
   double ankle_tolerance = 0.06;  ///< delta_tol: their points this far above the ground go, metres

@@ -4,6 +4,8 @@
 #include <absl/strings/str_format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
@@ -89,6 +91,57 @@ absl::Status ForEachScan(const ScanSource& scans, const ProgressPart& progress,
     }
   });
   if (cancelled) return absl::CancelledError("stopped on request");
+  return first_error;
+}
+
+size_t ScanSlots() { return 2 * static_cast<size_t>(tbb::this_task_arena::max_concurrency()); }
+
+absl::Status ForEachScanInOrder(const ScanSource& scans, std::span<const uint32_t> order, const ProgressPart& progress,
+                                const std::function<absl::Status(size_t, const Scan&, size_t)>& work,
+                                const std::function<void(size_t, size_t)>& add) {
+  struct Item {
+    size_t index = 0;
+    size_t slot = 0;
+    absl::Status status;
+  };
+  const size_t slots = ScanSlots();
+  std::vector<Item> items(slots);
+  size_t started = 0;  // of the first stage alone, which runs in order, as the last does
+  size_t done = 0;
+  absl::Status first_error;        // of the last stage alone
+  std::atomic<bool> stop = false;  // nothing more is begun
+  // At most `slots` scans are in hand and leave in the order in which they came, so that their slots come round.
+  const auto next = [&](tbb::flow_control& control) -> Item* {
+    if (started == order.size() || stop.load(std::memory_order_relaxed)) {
+      control.stop();
+      return nullptr;
+    }
+    Item& item = items[started % slots];
+    item = {order[started], started % slots, absl::OkStatus()};
+    ++started;
+    return &item;
+  };
+  const auto process = [&](Item* item) {
+    const absl::StatusOr<Scan> scan = scans.read(item->index);
+    item->status = scan.ok() ? work(item->index, *scan, item->slot) : scan.status();
+    return item;
+  };
+  const auto take = [&](Item* item) {
+    if (!first_error.ok()) return;
+    if (item->status.ok()) {
+      add(item->index, item->slot);
+      ++done;
+      const double fraction = static_cast<double>(done) / static_cast<double>(order.size());
+      if (!progress.report || progress.report(progress.begin + (progress.end - progress.begin) * fraction)) return;
+      first_error = absl::CancelledError("stopped on request");
+    } else {
+      first_error = InScan(item->index, item->status);
+    }
+    stop.store(true, std::memory_order_relaxed);
+  };
+  tbb::parallel_pipeline(slots, tbb::make_filter<void, Item*>(tbb::filter_mode::serial_in_order, next) &
+                                    tbb::make_filter<Item*, Item*>(tbb::filter_mode::parallel, process) &
+                                    tbb::make_filter<Item*, void>(tbb::filter_mode::serial_in_order, take));
   return first_error;
 }
 

@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <cstdint>
 #include <functional>
 #include <mutex>
 #include <span>
@@ -29,6 +30,17 @@ absl::Status CheckSession(const ScanSource& scans, std::span<const Pose> poses);
 /// progress says stop.
 absl::Status ForEachScan(const ScanSource& scans, const ProgressPart& progress,
                          const std::function<absl::Status(size_t index, const Scan& scan)>& work);
+
+/// As ForEachScan, for results that must be put together in order: `work` runs in parallel and leaves what it makes of
+/// a scan in the slot that it is given, then `add` takes it from there, one scan at a time in the order of `order` (a
+/// permutation of the scans). Slots are numbered below ScanSlots() and are one scan's at a time. The status is that of
+/// the failing scan that comes first in `order`.
+absl::Status ForEachScanInOrder(const ScanSource& scans, std::span<const uint32_t> order, const ProgressPart& progress,
+                                const std::function<absl::Status(size_t index, const Scan& scan, size_t slot)>& work,
+                                const std::function<void(size_t index, size_t slot)>& add);
+
+/// How many scans ForEachScanInOrder has in hand at a time.
+size_t ScanSlots();
 
 /// The voxel of every point of a scan under a pose, and where the point is in voxel edges. INVALID_ARGUMENT or
 /// OUT_OF_RANGE naming the point.

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/dor/clusters.h"
+#include "core/dor/departures.h"
 #include "core/dor/ground.h"
 #include "core/dor/restoration.h"
 #include "core/dor/surface.h"
@@ -30,6 +31,7 @@ class Scene {
   size_t size() const { return indices_.size(); }
   const VoxelIndex& index(uint32_t id) const { return indices_[id]; }
   bool was_hit(uint32_t id) const { return counts_.hits[id] > 0; }
+  bool was_exposed(uint32_t id) const { return counts_.exposures[id] > 0; }
   uint32_t scans(uint32_t id) const { return counts_.hits[id] + counts_.exposures[id]; }
   double R(uint32_t id) const { return Stability(counts_.hits[id], counts_.exposures[id], parameters_.eta); }
 
@@ -160,6 +162,26 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   }
 }
 
+// What left or came during the session.
+void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, const DorParameters& parameters,
+                     std::vector<VoxelVerdict>& verdicts) {
+  std::vector<char> candidates(verdicts.size());
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    candidates[id] = verdicts[id] != VoxelVerdict::kGround && counts.hits[id] > 0;
+  }
+  // A surface of a given size has more voxels the smaller they are.
+  const double more = std::clamp(std::pow(0.2 / parameters.voxel_size, 2), 0.5, 2.0);
+  const std::vector<char> departed =
+      FindDepartures(voxels.grid, counts, candidates,
+                     {.voxel_size = parameters.voxel_size,
+                      .vacated_scans = parameters.vacated_scans,
+                      .vacated_neighbours = static_cast<int>(std::lround(more * parameters.vacated_neighbours)),
+                      .reach = parameters.departure_reach});
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    if (departed[id]) verdicts[id] = VoxelVerdict::kDynamic;
+  }
+}
+
 // A voxel that few scans saw says little: the far end of a car's way was there once and never seen through. If what was
 // decided around it is mostly dynamic, so is it.
 void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
@@ -178,6 +200,37 @@ void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<Vo
   });
   for (uint32_t id = 0; id < scene.size(); ++id) {
     if (inherits[id]) verdicts[id] = VoxelVerdict::kDynamic;
+  }
+}
+
+// What lies among dynamic voxels and was looked through at all belongs to the same thing: a person who hardly moves
+// leaves voxels in the middle that were hit most of the time.
+void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  constexpr int kRounds = 3;
+  constexpr int kReach = 2;               // voxels
+  constexpr int kMaxSquaredDistance = 5;  // voxel edges
+  constexpr int kMinAround = 3;
+  std::vector<char> surrounded(scene.size());
+  for (int round = 0; round < kRounds; ++round) {
+    scene.ForEach([&](uint32_t id) {
+      surrounded[id] = 0;
+      if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id) || !scene.was_exposed(id)) return;
+      int dynamic = 0, around = 0;
+      scene.ForEachWithin(kReach, id, [&](uint32_t other, int dx, int dy, int dz) {
+        if (other == id || dx * dx + dy * dy + dz * dz > kMaxSquaredDistance) return;
+        if (verdicts[other] == VoxelVerdict::kGround || !scene.was_hit(other)) return;
+        ++around;
+        dynamic += verdicts[other] == VoxelVerdict::kDynamic;
+      });
+      surrounded[id] = around >= kMinAround && dynamic > parameters.surrounded_share * around;
+    });
+    bool changed = false;
+    for (uint32_t id = 0; id < scene.size(); ++id) {
+      if (!surrounded[id]) continue;
+      verdicts[id] = VoxelVerdict::kDynamic;
+      changed = true;
+    }
+    if (!changed) return;
   }
 }
 
@@ -239,7 +292,9 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
   if (parameters.protect_ground) ProtectGround(scene, poses, parameters, verdict.voxels, heights);
   JudgeVoxels(scene, parameters, verdict.voxels);
   if (parameters.cluster) JudgeClusters(scene, parameters, verdict.voxels);
+  if (parameters.departures) JudgeDepartures(voxels, counts, parameters, verdict.voxels);
   if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
+  if (parameters.surround) JudgeSurrounded(scene, parameters, verdict.voxels);
   if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);
   if (parameters.restore) FindIsolated(scene, verdict);
   return verdict;

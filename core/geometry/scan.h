@@ -13,7 +13,9 @@ namespace mapkeep {
 struct Scan {
   std::vector<Eigen::Vector3f> points;  ///< metres
   std::vector<float> intensities;       ///< one a point, [0, 1]; or empty: unknown
-  double time = 0;                      ///< start of the sweep, seconds since 1970 (UTC), 0 if unknown
+  /// Start of the sweep, seconds: since 1970 (UTC), or since an unknown start if below 1e9. The same in all scans of a
+  /// session: unknown.
+  double time = 0;
 };
 
 /// A sequence of scans that may not fit in memory. `read(i)` gives scan i in [0, count), the same bytes every time, and

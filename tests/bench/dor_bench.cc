@@ -55,6 +55,7 @@ Drive ReadDrive(const fs::path& directory, size_t first, size_t last) {
     std::snprintf(name, sizeof name, "%06zu", i);
     const auto values = ReadAll<float>(directory / "velodyne" / (std::string(name) + ".bin"));
     Scan& scan = drive.scans.emplace_back();
+    scan.time = 0.1 * static_cast<double>(i);
     for (size_t at = 0; at + 3 < values.size(); at += 4) {
       scan.points.emplace_back(values[at], values[at + 1], values[at + 2]);
     }

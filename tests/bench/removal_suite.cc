@@ -113,6 +113,7 @@ class Suite {
 
     DorParameters parameters = options_.parameters;
     parameters.voxel_size = options_.voxel_size > 0 ? options_.voxel_size : scene.voxel_size;
+    for (size_t i = 0; i < truth->size(); ++i) (*truth)[i].scan.time = session->times[i];
     const ScanSource source = {truth->size(), [&](size_t i) -> absl::StatusOr<Scan> { return (*truth)[i].scan; }};
     const std::vector<Pose>& poses = options_.exact_poses ? session->truth : session->odometry;
     const auto begin = std::chrono::steady_clock::now();

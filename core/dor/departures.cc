@@ -1,0 +1,174 @@
+#include "core/dor/departures.h"
+
+#include <absl/container/flat_hash_map.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace mapkeep {
+namespace {
+
+constexpr double kNear = 0.58;          // metres: how far the neighbours of a voxel reach, at least kNearVoxels
+constexpr double kNearVoxels = 2.9;     // voxel edges
+constexpr int kSameTime = 5;            // scans: the voxels of an object are left within this
+constexpr int kBefore = 15;             // scans before the departure in which the rest of it may have been hit last
+constexpr int kAfter = 5;               // and after
+constexpr int kPersists = 10;           // scans after the departure: what is hit even later stands there still
+constexpr double kMaxPersisting = 0.3;  // share of the voxels around that may
+constexpr int kMinWitnesses = 3;        // vacated voxels that must speak for another one
+constexpr double kMinOrdered = 0.8;     // share of a vacated voxel's exposures that come after its last hit
+constexpr uint32_t kMinHits = 3;        // of a vacated voxel
+
+// One direction of time. An arrival is a departure seen backwards.
+class Departures {
+ public:
+  Departures(const VoxelGrid& grid, const std::vector<VoxelIndex>& indices, std::span<const char> candidates,
+             const DepartureParameters& parameters, std::vector<int32_t> left_at)
+      : grid_(grid),
+        indices_(indices),
+        candidates_(candidates),
+        parameters_(parameters),
+        left_at_(std::move(left_at)),
+        near_(std::max(kNearVoxels, kNear / parameters.voxel_size)) {}
+
+  // `free_scans`: by id, how many scans looked through a voxel after it was left.
+  void Mark(const std::vector<uint32_t>& free_scans, const VoxelCounts& counts, std::vector<char>& departed) {
+    FindVacated(free_scans, counts);
+    if (vacated_.empty()) return;
+    const auto vacated_around = VacatedByCell();
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024),
+                      [&](const auto& range) {
+                        std::vector<int32_t> times;
+                        for (uint32_t id = range.begin(); id != range.end(); ++id) {
+                          if (!candidates_[id] || departed[id]) continue;
+                          const auto around = vacated_around.find(CellOf(indices_[id]));
+                          if (around != vacated_around.end()) departed[id] = LeftWith(id, around->second, times);
+                        }
+                      });
+  }
+
+ private:
+  using Cell = std::array<int32_t, 3>;
+
+  // Densely and at the same time: what is looked through here and there does not count.
+  void FindVacated(const std::vector<uint32_t>& free_scans, const VoxelCounts& counts) {
+    std::vector<char> is_free(indices_.size());
+    std::vector<uint32_t> free;
+    for (uint32_t id = 0; id < indices_.size(); ++id) {
+      if (!candidates_[id] || counts.hits[id] < kMinHits) continue;
+      if (free_scans[id] < static_cast<uint32_t>(parameters_.vacated_scans)) continue;
+      if (free_scans[id] < kMinOrdered * counts.exposures[id]) continue;
+      is_free[id] = 1;
+      free.push_back(id);
+    }
+    std::vector<char> is_vacated(free.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, free.size(), 256), [&](const auto& range) {
+      for (size_t i = range.begin(); i != range.end(); ++i) {
+        int together = 0;
+        ForEachNear(free[i], [&](uint32_t other) {
+          together += is_free[other] && std::abs(left_at_[other] - left_at_[free[i]]) <= kSameTime;
+        });
+        is_vacated[i] = together >= parameters_.vacated_neighbours;
+      }
+    });
+    for (size_t i = 0; i < free.size(); ++i) {
+      if (is_vacated[i]) vacated_.push_back(free[i]);
+    }
+  }
+
+  Cell CellOf(const VoxelIndex& voxel) const {
+    const double edge = parameters_.reach / parameters_.voxel_size;
+    return {static_cast<int32_t>(std::floor(voxel.x / edge)), static_cast<int32_t>(std::floor(voxel.y / edge)),
+            static_cast<int32_t>(std::floor(voxel.z / edge))};
+  }
+
+  // Vacated voxels under the cell that they lie in and the 26 around, so that one look finds all that may be in reach.
+  absl::flat_hash_map<Cell, std::vector<uint32_t>> VacatedByCell() const {
+    absl::flat_hash_map<Cell, std::vector<uint32_t>> cells;
+    for (const uint32_t id : vacated_) {
+      const Cell cell = CellOf(indices_[id]);
+      for (int dz = -1; dz <= 1; ++dz) {
+        for (int dy = -1; dy <= 1; ++dy) {
+          for (int dx = -1; dx <= 1; ++dx) cells[{cell[0] + dx, cell[1] + dy, cell[2] + dz}].push_back(id);
+        }
+      }
+    }
+    return cells;
+  }
+
+  // Whether a voxel was left when vacated ones around it were, and nothing beside it stayed.
+  bool LeftWith(uint32_t id, const std::vector<uint32_t>& around, std::vector<int32_t>& times) const {
+    const double reach = parameters_.reach / parameters_.voxel_size;
+    times.clear();
+    for (const uint32_t other : around) {
+      const int32_t ago = left_at_[other] - left_at_[id];
+      if (ago >= -kAfter && ago <= kBefore && SquaredDistance(id, other) <= reach * reach) {
+        times.push_back(left_at_[other]);
+      }
+    }
+    if (times.size() < kMinWitnesses) return false;
+    const auto median = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
+    std::ranges::nth_element(times, median);
+    int all = 0, persisting = 0;
+    ForEachNear(id, [&](uint32_t other) {
+      if (!candidates_[other]) return;
+      ++all;
+      persisting += left_at_[other] > *median + kPersists;
+    });
+    return persisting <= kMaxPersisting * all;
+  }
+
+  double SquaredDistance(uint32_t a, uint32_t b) const {
+    const double x = indices_[a].x - indices_[b].x, y = indices_[a].y - indices_[b].y,
+                 z = indices_[a].z - indices_[b].z;
+    return x * x + y * y + z * z;
+  }
+
+  // Calls visit(id) for the voxels near one, itself included.
+  template <typename Visit>
+  void ForEachNear(uint32_t id, const Visit& visit) const {
+    const VoxelIndex& at = indices_[id];
+    const auto reach = static_cast<int>(near_);
+    for (int dz = -reach; dz <= reach; ++dz) {
+      for (int dy = -reach; dy <= reach; ++dy) {
+        for (int dx = -reach; dx <= reach; ++dx) {
+          if (dx * dx + dy * dy + dz * dz > near_ * near_) continue;
+          const uint32_t other = grid_.Find({at.x + dx, at.y + dy, at.z + dz});
+          if (other != kNoVoxel) visit(other);
+        }
+      }
+    }
+  }
+
+  const VoxelGrid& grid_;
+  const std::vector<VoxelIndex>& indices_;
+  std::span<const char> candidates_;
+  const DepartureParameters& parameters_;
+  const std::vector<int32_t> left_at_;  // by id: the scan of the last hit, counted in the order of time
+  const double near_;                   // voxel edges
+  std::vector<uint32_t> vacated_;
+};
+
+}  // namespace
+
+std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& counts, std::span<const char> candidates,
+                                 const DepartureParameters& parameters) {
+  std::vector<char> departed(grid.size());
+  if (!counts.ordered) return departed;
+  std::vector<VoxelIndex> indices(grid.size());
+  for (size_t brick = 0; brick < grid.brick_count(); ++brick) {
+    grid.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& v) { indices[id] = v; });
+  }
+  std::vector<int32_t> last(counts.last_hit.begin(), counts.last_hit.end());
+  Departures(grid, indices, candidates, parameters, std::move(last)).Mark(counts.late, counts, departed);
+  std::vector<int32_t> first(grid.size());
+  std::ranges::transform(counts.first_hit, first.begin(), [](uint32_t scan) { return -static_cast<int32_t>(scan); });
+  Departures(grid, indices, candidates, parameters, std::move(first)).Mark(counts.early, counts, departed);
+  return departed;
+}
+
+}  // namespace mapkeep
