@@ -36,9 +36,6 @@ constexpr std::array<LayoutReader, 3> kLayouts = {{
 
 const LayoutReader& ReaderOf(SessionLayout layout) { return kLayouts[static_cast<size_t>(layout)]; }
 
-/// Times before 2001-09-09 do not count from 1970 but from an unknown start, as KITTI's own do.
-constexpr double kEarliestTime = 1e9;
-
 /// Scans a second where nothing says when they were taken. Removal asks for their order alone.
 constexpr double kUsualScanRate = 10;
 
@@ -142,7 +139,7 @@ absl::StatusOr<SessionDirectory> OpenSessionDirectory(const fs::path& path, std:
     return AtFile(path / "times.txt", absl::StrFormat("%d times for %d scans in %s/", directory->times.size(), count,
                                                       ReaderOf(*layout).folder));
   }
-  if (!directory->times.empty() && directory->times.front() < kEarliestTime) directory->times.clear();
+  if (!directory->times.empty() && !CountsFrom1970(directory->times.front())) directory->times.clear();
   absl::StatusOr<Scan> first = directory->read_file(directory->files.front());
   if (!first.ok()) return first.status();
   directory->intensity_scale = IntensityScaleOf(*first);

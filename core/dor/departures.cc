@@ -14,9 +14,7 @@ namespace {
 
 constexpr double kNear = 0.58;          // metres: how far the neighbours of a voxel reach, at least kNearVoxels
 constexpr double kNearVoxels = 2.9;     // voxel edges
-constexpr int kSameTime = 5;            // scans: the voxels of an object are left within this
-constexpr int kBefore = 15;             // scans before the departure in which the rest of it may have been hit last
-constexpr int kAfter = 5;               // and after
+constexpr int kSlack = 5;               // scans by which the voxels of an object may be left one after the other
 constexpr int kPersists = 10;           // scans after the departure: what is hit even later stands there still
 constexpr double kMaxPersisting = 0.3;  // share of the voxels around that may
 constexpr int kMinWitnesses = 3;        // vacated voxels that must speak for another one
@@ -27,12 +25,13 @@ constexpr uint32_t kMinHits = 3;        // of a vacated voxel
 class Departures {
  public:
   Departures(const VoxelGrid& grid, const std::vector<VoxelIndex>& indices, std::span<const char> candidates,
-             const DepartureParameters& parameters, std::vector<int32_t> left_at)
+             const DepartureParameters& parameters, std::vector<int32_t> last, std::vector<int32_t> free)
       : grid_(grid),
         indices_(indices),
         candidates_(candidates),
         parameters_(parameters),
-        left_at_(std::move(left_at)),
+        last_(std::move(last)),
+        free_(std::move(free)),
         near_(std::max(kNearVoxels, kNear / parameters.voxel_size)) {}
 
   // `free_scans`: by id, how many scans looked through a voxel after it was left.
@@ -70,7 +69,7 @@ class Departures {
       for (size_t i = range.begin(); i != range.end(); ++i) {
         int together = 0;
         ForEachNear(free[i], [&](uint32_t other) {
-          together += is_free[other] && std::abs(left_at_[other] - left_at_[free[i]]) <= kSameTime;
+          together += is_free[other] && std::abs(last_[other] - last_[free[i]]) <= kSlack;
         });
         is_vacated[i] = together >= parameters_.vacated_neighbours;
       }
@@ -105,9 +104,8 @@ class Departures {
     const double reach = parameters_.reach / parameters_.voxel_size;
     times.clear();
     for (const uint32_t other : around) {
-      const int32_t ago = left_at_[other] - left_at_[id];
-      if (ago >= -kAfter && ago <= kBefore && SquaredDistance(id, other) <= reach * reach) {
-        times.push_back(left_at_[other]);
+      if (last_[id] <= free_[other] + kSlack && SquaredDistance(id, other) <= reach * reach) {
+        times.push_back(last_[other]);
       }
     }
     if (times.size() < kMinWitnesses) return false;
@@ -117,7 +115,7 @@ class Departures {
     ForEachNear(id, [&](uint32_t other) {
       if (!candidates_[other]) return;
       ++all;
-      persisting += left_at_[other] > *median + kPersists;
+      persisting += last_[other] > *median + kPersists;
     });
     return persisting <= kMaxPersisting * all;
   }
@@ -148,8 +146,9 @@ class Departures {
   const std::vector<VoxelIndex>& indices_;
   std::span<const char> candidates_;
   const DepartureParameters& parameters_;
-  const std::vector<int32_t> left_at_;  // by id: the scan of the last hit, counted in the order of time
-  const double near_;                   // voxel edges
+  const std::vector<int32_t> last_;  // by id: the scan of the last hit
+  const std::vector<int32_t> free_;  // of vacated voxels: the scan that first looked through it then
+  const double near_;                // voxel edges
   std::vector<uint32_t> vacated_;
 };
 
@@ -163,11 +162,15 @@ std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& count
   for (size_t brick = 0; brick < grid.brick_count(); ++brick) {
     grid.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& v) { indices[id] = v; });
   }
-  std::vector<int32_t> last(counts.last_hit.begin(), counts.last_hit.end());
-  Departures(grid, indices, candidates, parameters, std::move(last)).Mark(counts.late, counts, departed);
-  std::vector<int32_t> first(grid.size());
-  std::ranges::transform(counts.first_hit, first.begin(), [](uint32_t scan) { return -static_cast<int32_t>(scan); });
-  Departures(grid, indices, candidates, parameters, std::move(first)).Mark(counts.early, counts, departed);
+  const auto in_time = [&](const std::vector<uint32_t>& scans, int32_t direction) {
+    std::vector<int32_t> times(scans.size());
+    std::ranges::transform(scans, times.begin(), [&](uint32_t s) { return direction * static_cast<int32_t>(s); });
+    return times;
+  };
+  Departures(grid, indices, candidates, parameters, in_time(counts.last_hit, 1), in_time(counts.free_from, 1))
+      .Mark(counts.late, counts, departed);
+  Departures(grid, indices, candidates, parameters, in_time(counts.first_hit, -1), in_time(counts.free_until, -1))
+      .Mark(counts.early, counts, departed);
   return departed;
 }
 

@@ -217,6 +217,8 @@ void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& count
       }
       for (uint64_t rest = marks.exposed[layer]; rest != 0; rest &= rest - 1) {
         const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
+        if (counts.hits[id] == 0) counts.free_until[id] = now;
+        if (counts.late[id] == 0) counts.free_from[id] = now;
         ++counts.exposures[id];
         ++counts.late[id];
       }
@@ -290,7 +292,9 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
                      .early = std::vector<uint32_t>(size),
                      .late = std::vector<uint32_t>(size),
                      .first_hit = std::vector<uint32_t>(size),
-                     .last_hit = std::vector<uint32_t>(size)};
+                     .last_hit = std::vector<uint32_t>(size),
+                     .free_until = std::vector<uint32_t>(size),
+                     .free_from = std::vector<uint32_t>(size)};
   std::vector<ScanMarks> scratches(ScanSlots(), ScanMarks(grid.brick_count()));
   const auto count = [&](size_t index, const Scan& scan, size_t slot) -> absl::Status {
     ScanMarks& scratch = scratches[slot];

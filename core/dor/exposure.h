@@ -31,11 +31,13 @@ struct VoxelCounts {
   std::vector<uint32_t> exposures;  ///< scans that looked through it and had no point in it
 
   // What the order of the scans adds. Scans are counted from 0 in the order of time.
-  bool ordered = false;             ///< false: the times are not known, and what follows means nothing
-  std::vector<uint32_t> early;      ///< exposures before the first hit
-  std::vector<uint32_t> late;       ///< exposures after the last hit
-  std::vector<uint32_t> first_hit;  ///< the scan of the first hit
-  std::vector<uint32_t> last_hit;   ///< and of the last
+  bool ordered = false;              ///< false: the times are not known, and what follows means nothing
+  std::vector<uint32_t> early;       ///< exposures before the first hit
+  std::vector<uint32_t> late;        ///< exposures after the last hit
+  std::vector<uint32_t> first_hit;   ///< the scan of the first hit
+  std::vector<uint32_t> last_hit;    ///< and of the last
+  std::vector<uint32_t> free_until;  ///< where early > 0: the last of those exposures
+  std::vector<uint32_t> free_from;   ///< where late > 0: the first of those
 };
 
 /// The first pass. Errors as RemoveDynamicObjects.

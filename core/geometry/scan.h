@@ -13,10 +13,13 @@ namespace mapkeep {
 struct Scan {
   std::vector<Eigen::Vector3f> points;  ///< metres
   std::vector<float> intensities;       ///< one a point, [0, 1]; or empty: unknown
-  /// Start of the sweep, seconds: since 1970 (UTC), or since an unknown start if below 1e9. The same in all scans of a
-  /// session: unknown.
+  /// Start of the sweep, seconds: since 1970 (UTC), or since an unknown start (CountsFrom1970). The same in all scans
+  /// of a session: unknown.
   double time = 0;
 };
+
+/// Whether a time is one of the calendar. Below 2001-09-09 it counts from an unknown start, as KITTI's do.
+inline bool CountsFrom1970(double time) { return time >= 1e9; }
 
 /// A sequence of scans that may not fit in memory. `read(i)` gives scan i in [0, count), the same bytes every time, and
 /// may be called from several threads at once.

@@ -126,7 +126,7 @@ absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1:
       }
       const auto first = context_.sessions.ReadScan(session->map, session->id, 0);
       if (!first.ok()) return first.status();
-      session->start_time = first->scan.time > 0 ? first->scan.time : session->created;
+      session->start_time = CountsFrom1970(first->scan.time) ? first->scan.time : session->created;
       session->state = SessionState::kQueued;
       const absl::Status queued = context_.sessions.Update(*session, SessionState::kUploading);
       if (absl::IsAborted(queued)) continue;

@@ -49,7 +49,6 @@ TEST_F(Kitti, ReadsPointsIntensitiesAndPoses) {
   ASSERT_EQ(scan->scan.points.size(), 3U);
   EXPECT_EQ(scan->scan.points[2], Eigen::Vector3f(3, 4, -1));
   EXPECT_THAT(scan->scan.intensities, ElementsAre(0.5F, 0.25F, 1.F));
-  EXPECT_EQ(scan->scan.time, 0);
 }
 
 TEST_F(Kitti, NumbersSortByValueHoweverManyDigits) {
@@ -75,15 +74,16 @@ TEST_F(Kitti, CameraPosesBecomeLidarPoses) {
   EXPECT_TRUE(opened->poses[2].translation().isApprox(Eigen::Vector3d(0, -3, 0)));
 }
 
-TEST_F(Kitti, TimesAreTakenIfTheyCountFrom1970AndLeftOutOtherwise) {
+TEST_F(Kitti, TimesThatDoNotCountFrom1970AreReplacedByTheOrderOfTheScans) {
   WriteText(session() / "times.txt", "1700000000.5\n1700000000.6\n1700000000.7\n");
   absl::StatusOr<SessionDirectory> opened = OpenSessionDirectory(session());
   ASSERT_TRUE(opened.ok()) << opened.status();
   EXPECT_EQ(ReadScan(*opened, 1)->scan.time, 1700000000.6);
-  WriteText(session() / "times.txt", "0.0\n0.1\n0.2\n");
+  WriteText(session() / "times.txt", "5.0\n6.0\n7.0\n");
   opened = OpenSessionDirectory(session());
   ASSERT_TRUE(opened.ok()) << opened.status();
-  EXPECT_EQ(ReadScan(*opened, 1)->scan.time, 0);
+  EXPECT_EQ(ReadScan(*opened, 1)->scan.time, 0.1);
+  EXPECT_FALSE(CountsFrom1970(ReadScan(*opened, 1)->scan.time));
 }
 
 TEST_F(Kitti, PointsAtTheSensorAreNoReturns) {
