@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "client/cli/ablation.h"
 #include "client/cli/command_line.h"
 #include "client/cli/interruption.h"
 #include "client/cli/offline_cleaning.h"
@@ -25,6 +26,7 @@ struct CleanArguments {
   SessionInput input;
   std::string out;
   int threads = 0;  ///< 0: one a core
+  bool ablation = false;
 };
 
 double MillisecondsPerScan(const CleaningReport& report) {
@@ -104,20 +106,81 @@ ExitCode Clean(const GlobalOptions& options, const CleanArguments& arguments) {
   return ExitCode::kDone;
 }
 
+void PrintAblation(const std::vector<AblationRow>& rows) {
+  std::cout << absl::StrFormat("%-20s%8s%8s%8s%10s\n", "refinements", "SA %", "DA %", "AA %", "ms/scan");
+  for (const AblationRow& row : rows) {
+    std::cout << absl::StrFormat("%-20s%8.2f%8.2f%8.2f%10.1f\n", row.name, row.score.sa(), row.score.da(),
+                                 row.score.aa(), row.ms_per_scan);
+  }
+}
+
+nlohmann::json JsonOf(const std::vector<AblationRow>& rows) {
+  nlohmann::json json = nlohmann::json::array();
+  for (const AblationRow& row : rows) {
+    json.push_back({{"refinements", row.name},
+                    {"SA", row.score.sa()},
+                    {"DA", row.score.da()},
+                    {"AA", row.score.aa()},
+                    {"ms_per_scan", row.ms_per_scan}});
+  }
+  return json;
+}
+
+ExitCode Ablate(const GlobalOptions& options, const CleanArguments& arguments) {
+  const int threads = arguments.threads > 0 ? arguments.threads : tbb::info::default_concurrency();
+  const absl::StatusOr<SessionDirectory> directory = OpenSessionInput(arguments.input);
+  if (!directory.ok()) return BadInput(directory.status());
+  const Interruption interruption;
+  ProgressLine line(options.json);
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+  absl::StatusOr<std::vector<AblationRow>> rows = absl::InternalError("not run");
+  tbb::task_arena(threads).execute([&] {
+    const absl::StatusOr<LabelledSession> session = ReadLabelledSession(*directory);
+    if (!session.ok()) {
+      rows = session.status();
+      return;
+    }
+    rows = RunAblation(
+        session->scans, session->poses, AblationSteps(),
+        [&](std::span<const std::vector<PointLabel>> labels) { return ScoreLabels(session->truth, labels); },
+        [&](const std::string& step, double fraction) {
+          line.Show(step, fraction);
+          return !interruption.requested();
+        });
+  });
+  line.Clear();
+  if (!rows.ok()) return absl::IsCancelled(rows.status()) ? Fail(rows.status()) : BadInput(rows.status());
+  if (options.json) {
+    PrintJson(JsonOf(*rows));
+  } else {
+    PrintAblation(*rows);
+  }
+  return ExitCode::kDone;
+}
+
+ExitCode CleanOrAblate(const GlobalOptions& options, const CleanArguments& arguments) {
+  if (arguments.ablation) return Ablate(options, arguments);
+  if (arguments.out.empty()) return BadInput(absl::InvalidArgumentError("OUT is required"));
+  return Clean(options, arguments);
+}
+
 }  // namespace
 
 void AddCleanCommand(CommandLine& line) {
   CLI::App* command = line.app.add_subcommand("clean", "Remove what moved from a session directory, without a server");
   auto arguments = std::make_shared<CleanArguments>();
   AddSessionInput(*command, arguments->input);
+  CLI::Option* out = command->add_option("OUT", arguments->out,
+                                         "Directory for labels/, static.pcd and report.json; made if it is not there");
   command
-      ->add_option("OUT", arguments->out, "Directory for labels/, static.pcd and report.json; made if it is not there")
-      ->required();
+      ->add_flag("--ablation", arguments->ablation,
+                 "Write nothing; print SA, DA, AA and ms a scan without and with each refinement. DIR needs label/")
+      ->excludes(out);
   command->add_option("--threads", arguments->threads, "Threads to work on; by default one a core")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
   command->callback(
-      [&line, arguments] { line.action = [&line, arguments] { return Clean(line.options, *arguments); }; });
+      [&line, arguments] { line.action = [&line, arguments] { return CleanOrAblate(line.options, *arguments); }; });
 }
 
 }  // namespace mapkeep

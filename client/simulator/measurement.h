@@ -13,6 +13,8 @@ namespace mapkeep {
 /// Labels as SemanticKITTI and the tool that scores us know them.
 inline constexpr uint32_t kStaticLabel = 9;
 inline constexpr uint32_t kMovingLabel = 251;
+/// Neither: what moved, but not far enough to say so (see Simulate). Not scored.
+inline constexpr uint32_t kUnsureLabel = 0;
 /// The label of a point is its low half; the high half is the id of its object, 0 for ids that do not fit.
 constexpr uint32_t ClassOfLabel(uint32_t label) { return label & 0xffff; }
 constexpr uint32_t ObjectOfLabel(uint32_t label) { return label >> 16; }

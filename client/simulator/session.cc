@@ -18,12 +18,15 @@ struct Stage {
   RayCaster caster;
   std::vector<SceneObject> objects;
   std::vector<bool> moving;                            // one an object
+  std::vector<uint32_t> labels;                        // one an object
   std::vector<std::array<Eigen::Vector3f, 2>> bounds;  // one a mesh
   Ride ride;
 };
 
+double DurationOf(const Ride& ride) { return static_cast<double>(ride.scans) * ride.sensor.period; }
+
 bool MovesSometime(const SceneObject& object, const Ride& ride) {
-  return MovesWithin(object.track, 0, static_cast<double>(ride.scans) * ride.sensor.period);
+  return MovesWithin(object.track, 0, DurationOf(ride));
 }
 
 /// Whether a thing at `pose` (relative to the sensor) reaches into the sensor's own place.
@@ -35,9 +38,14 @@ bool Collides(const Pose& pose, const std::array<Eigen::Vector3f, 2>& bounds) {
   return level && (sensor.head<2>() - nearest).norm() < kOwnPlace;
 }
 
-uint32_t LabelOf(const SceneObject& object, bool moving) {
+/// In every scan of the ride.
+uint32_t LabelOf(const SceneObject& object, const Ride& ride) {
   const uint32_t id = object.id <= kLargestLabelledId ? object.id : 0;
-  return id << 16 | (moving ? kMovingLabel : kStaticLabel);
+  uint32_t truth = kStaticLabel;
+  if (MovesSometime(object, ride)) {
+    truth = FarthestWithin(object.track, 0, DurationOf(ride)) < kLeastTravel ? kUnsureLabel : kMovingLabel;
+  }
+  return id << 16 | truth;
 }
 
 std::vector<Ray> RaysOf(std::span<const Eigen::Vector3f> directions, const Ride& ride, const Pose& end) {
@@ -79,7 +87,7 @@ absl::StatusOr<LabelledScan> CastScan(const Stage& stage, size_t index) {
     const Pose to = stage.moving[i] ? to_sensor * PoseAt(object.track, end).value_or(*there) : from;
     if (stage.moving[i] && Collides(from, stage.bounds[object.mesh])) continue;
     instances.push_back({object.mesh, from, to});
-    labels.push_back(LabelOf(object, stage.moving[i]));
+    labels.push_back(stage.labels[i]);
   }
 
   const uint64_t seed = SeedOf(ride.seed, index);
@@ -118,9 +126,10 @@ absl::Status CheckScene(const RayCaster& caster, std::span<const SceneObject> ob
 
 absl::StatusOr<SimulatedSession> Simulate(const RayCaster& caster, std::vector<SceneObject> objects, const Ride& ride) {
   if (absl::Status checked = CheckScene(caster, objects, ride); !checked.ok()) return checked;
-  auto stage = std::make_shared<Stage>(Stage{caster, std::move(objects), {}, {}, ride});
+  auto stage = std::make_shared<Stage>(Stage{caster, std::move(objects), {}, {}, {}, ride});
   for (SceneObject& object : stage->objects) {
     stage->moving.push_back(MovesSometime(object, ride));
+    stage->labels.push_back(LabelOf(object, ride));
     // What waits until after the end has not moved, and what is there for a moment only may not have either.
     if (stage->moving.back()) {
       object.state = ObjectState::kMoving;

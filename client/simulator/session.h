@@ -40,10 +40,18 @@ struct SimulatedSession {
   std::vector<std::array<Eigen::Vector3f, 2>> mesh_bounds;  ///< lowest and highest corner of each mesh
 };
 
-/// Sends a sensor through a scene of meshes and objects. An object that moves at any time of the session is labelled
-/// moving in every scan, any other static. What would stand within the sensor's own place (1.2 m) is left out of that
-/// scan. The same arguments give the same bytes on any number of threads. INVALID_ARGUMENT if there is no scan, no
-/// trajectory, a track that is empty or out of order, or a mesh that the caster has not.
+/// What comes less far than this from where it was first, in a whole session, has not gone anywhere: about the width of
+/// a body. Metres.
+inline constexpr double kLeastTravel = 0.5;
+
+/// Sends a sensor through a scene of meshes and objects. Labels follow SemanticKITTI, whose labels the KTH benchmark
+/// scores by, too: what moves at any time of the session is moving in every scan of it, also while it waits, the rest
+/// is static. Annotators do not see a person shift their weight; so an object that moves but comes nowhere kLeastTravel
+/// away from its first place is kUnsureLabel. (SemanticKITTI says "if it moved in some scan while observing them"; who
+/// was hit by a ray is known only when the scans are cast, so that whoever scores has to drop what was not seen
+/// moving.) What would stand within the sensor's own place (1.2 m) is left out of that scan. The same arguments give
+/// the same bytes on any number of threads. INVALID_ARGUMENT if there is no scan, no trajectory, a track that is empty
+/// or out of order, or a mesh that the caster has not.
 absl::StatusOr<SimulatedSession> Simulate(const RayCaster& caster, std::vector<SceneObject> objects, const Ride& ride);
 
 }  // namespace mapkeep

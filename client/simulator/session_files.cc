@@ -100,7 +100,8 @@ absl::Status WriteKthScan(const LabelledScan& labelled, const Pose& pose, const 
   Scan in_world = labelled.scan;
   for (size_t i = 0; i < in_world.points.size(); ++i) {
     const Eigen::Vector3d point = pose * in_world.points[i].cast<double>();
-    truth.Add(point, ClassOfLabel(labelled.labels[i]) == kMovingLabel ? 1 : 0);
+    const uint32_t label = ClassOfLabel(labelled.labels[i]);
+    if (label != kUnsureLabel) truth.Add(point, label == kMovingLabel ? 1 : 0);
     in_world.points[i] = point.cast<float>();
   }
   return WritePcdScan(file, in_world, pose, encoding);

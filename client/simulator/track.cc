@@ -23,18 +23,42 @@ std::optional<Pose> PoseAt(const Track& track, double time) {
   return Between(a.pose, b.pose, (time - a.time) / (b.time - a.time));
 }
 
-bool MovesWithin(const Track& track, double begin, double end) {
-  if (track.size() < 2) return false;
+namespace {
+
+/// The largest of differs(pose, first pose) over the keys inside [begin, end] and its ends: between keys things go
+/// straight, so that nothing is farther off.
+template <typename Difference>
+double LargestWithin(const Track& track, double begin, double end, const Difference& difference) {
+  if (track.size() < 2) return 0;
   std::optional<Pose> first;
-  const auto differs = [&](double time) {
+  double largest = 0;
+  const auto look = [&](double time) {
     const std::optional<Pose> pose = PoseAt(track, time);
-    if (!pose.has_value()) return false;
+    if (!pose.has_value()) return;
     if (!first.has_value()) first = pose;
-    return (pose->translation() - first->translation()).norm() > 1e-3 || AngleBetween(*pose, *first) > 1e-3;
+    largest = std::max(largest, difference(*pose, *first));
   };
-  if (differs(std::max(begin, track.front().time)) || differs(std::min(end, track.back().time))) return true;
-  return std::any_of(track.begin(), track.end(),
-                     [&](const TrackKey& key) { return key.time > begin && key.time < end && differs(key.time); });
+  look(std::max(begin, track.front().time));
+  for (const TrackKey& key : track) {
+    if (key.time > begin && key.time < end) look(key.time);
+  }
+  look(std::min(end, track.back().time));
+  return largest;
+}
+
+double DistanceBetween(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
+
+}  // namespace
+
+bool MovesWithin(const Track& track, double begin, double end) {
+  constexpr double kMillimetre = 1e-3, kMilliradian = 1e-3;
+  return LargestWithin(track, begin, end, [](const Pose& a, const Pose& b) {
+           return std::max(DistanceBetween(a, b) / kMillimetre, AngleBetween(a, b) / kMilliradian);
+         }) > 1;
+}
+
+double FarthestWithin(const Track& track, double begin, double end) {
+  return LargestWithin(track, begin, end, DistanceBetween);
 }
 
 }  // namespace mapkeep

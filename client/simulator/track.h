@@ -23,6 +23,9 @@ std::optional<Pose> PoseAt(const Track& track, double time);
 /// Whether anything of the track inside [begin, end] differs from its start by more than a millimetre or a milliradian.
 bool MovesWithin(const Track& track, double begin, double end);
 
+/// How far the thing comes from where it is when it is first there inside [begin, end], in metres.
+double FarthestWithin(const Track& track, double begin, double end);
+
 /// On the way from `a` (fraction 0) to `b` (fraction 1): straight, turning evenly.
 Pose Between(const Pose& a, const Pose& b, double fraction);
 

@@ -4,11 +4,9 @@
 #include <tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -18,7 +16,9 @@
 #include "core/dor/exposure.h"
 #include "core/dor/remover.h"
 #include "core/dor/verdict.h"
+#include "tests/bench/dor_comparison.h"
 #include "tests/bench/dor_options.h"
+#include "tests/bench/lap_clock.h"
 
 namespace mapkeep {
 namespace {
@@ -67,34 +67,6 @@ Drive ReadDrive(const fs::path& directory, size_t first, size_t last) {
   }
   return drive;
 }
-
-// Milliseconds of all threads' processor time, which a busy machine disturbs less than the time of day.
-double ProcessorTime() {
-  timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
-}
-
-struct Lap {
-  double wall_ms = 0, processor_ms = 0;
-};
-
-class Clock {
- public:
-  // Since the last call.
-  Lap Next() {
-    const auto now = std::chrono::steady_clock::now();
-    const double processor = ProcessorTime();
-    const Lap lap{std::chrono::duration<double, std::milli>(now - last_).count(), processor - processor_};
-    last_ = now;
-    processor_ = processor;
-    return lap;
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-  double processor_ = ProcessorTime();
-};
 
 struct Score {
   uint64_t statics = 0, kept = 0, moving = 0, removed = 0;
@@ -221,7 +193,7 @@ int Run(int argc, char** argv) {
   DorParameters p;
   size_t first = 0, last = SIZE_MAX;
   int threads = 2, rounds = 1;
-  bool rings = false, sensitivity = false, recount = false;
+  bool compare = false, rings = false, sensitivity = false, recount = false;
   app.add_option("directory", directory)->required();
   app.add_option("--out", out, "write NNNNNN.label files here");
   app.add_option("--first", first);
@@ -230,6 +202,7 @@ int Run(int argc, char** argv) {
   app.add_option("--rounds", rounds);
   app.add_flag("--sensitivity", sensitivity, "the score as each parameter moves by a third");
   app.add_flag("--recount", recount, "the same, also for the parameters that need the scans counted again");
+  app.add_flag("--compare", compare, "beside the reference, hash sets and OctoMap; stages, bounds, growth");
   app.add_flag("--rings", rings, "losses by range");
   app.add_option("--voxel", p.voxel_size);
   AddDorOptions(app, p);
@@ -239,12 +212,16 @@ int Run(int argc, char** argv) {
   const Drive drive = ReadDrive(directory, first, last);
   const auto scans = static_cast<double>(drive.scans.size());
   const ScanSource source = SourceOf(drive.scans);
+  if (compare) {
+    PrintComparison(drive.scans, drive.poses, p);
+    return 0;
+  }
   if (sensitivity || recount) {
     PrintSensitivity(drive, source, p, recount);
     return 0;
   }
   for (int round = 0; round < rounds; ++round) {
-    Clock clock;
+    LapClock clock;
     const auto voxels = CollectVoxels(source, drive.poses, p.voxel_size, {}, {});
     const Lap collect = clock.Next();
     const auto counts = CountVoxels(source, drive.poses, p.voxel_size, *voxels, p.exposure, {});

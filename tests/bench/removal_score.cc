@@ -13,8 +13,6 @@ size_t RingOf(double range) {
   return ring;
 }
 
-bool IsUnsure(const SeenObject& object) { return object.labelled_moving && object.moved < kStaysPut; }
-
 }  // namespace
 
 RemovalResult ScoreRemoval(const SimulatedSession& session, std::span<const LabelledScan> truth,
@@ -39,6 +37,7 @@ RemovalResult ScoreRemoval(const SimulatedSession& session, std::span<const Labe
           if (object != nullptr) seen->kind = object->kind;
         }
         seen->last_scan = i;
+        seen->labelled_static = ClassOfLabel(label) == kStaticLabel;
         seen->labelled_moving = ClassOfLabel(label) == kMovingLabel;
         const std::optional<Pose> pose = object != nullptr ? PoseAt(object->track, time) : std::nullopt;
         if (pose.has_value()) {
@@ -58,8 +57,8 @@ RemovalResult ScoreRemoval(const SimulatedSession& session, std::span<const Labe
       (object.labelled_moving ? score.removed : score.kept) +=
           object.labelled_moving ? all.removed : all.points - all.removed;
     };
-    add(result.as_labelled);
-    if (IsUnsure(object)) {
+    if (object.labelled_static || object.labelled_moving) add(result.as_labelled);
+    if (object.IsUnsure()) {
       result.unsure += all.points;
     } else {
       add(result.score);
@@ -71,7 +70,7 @@ RemovalResult ScoreRemoval(const SimulatedSession& session, std::span<const Labe
 std::map<std::string, KindFate> FatesByKind(const RemovalResult& result, bool moving) {
   std::map<std::string, KindFate> kinds;
   for (const auto& [id, object] : result.objects) {
-    if (object.labelled_moving != moving || IsUnsure(object)) continue;
+    if (object.labelled_moving != moving || object.IsUnsure()) continue;
     KindFate& kind = kinds[std::string(NameOf(object.kind))];
     for (size_t ring = 0; ring < kRangeRings.size(); ++ring) kind.by_range[ring].Add(object.by_range[ring]);
     kind.by_distance[object.moved <= 2 ? 0 : object.moved <= 10 ? 1 : 2].Add(object.All());

@@ -1,26 +1,17 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <map>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "client/cli/removal_score.h"
 #include "client/simulator/session.h"
 #include "core/dor/remover.h"
 
 namespace mapkeep {
-
-/// SA and DA of score_dor.py: shares of the true static points that were kept and of the moving ones that were removed.
-struct RemovalScore {
-  uint64_t statics = 0, kept = 0, moving = 0, removed = 0;
-
-  double sa() const { return statics == 0 ? 100 : 100.0 * static_cast<double>(kept) / static_cast<double>(statics); }
-  double da() const { return moving == 0 ? 100 : 100.0 * static_cast<double>(removed) / static_cast<double>(moving); }
-  double aa() const { return std::sqrt(sa() * da()); }
-};
 
 /// What became of the points of one kind of thing, or of one thing.
 struct Fate {
@@ -46,11 +37,14 @@ inline constexpr std::array<double, 4> kRangeRings = {10, 20, 40, 1e9};
 /// One object of a session, as far as the sensor saw it.
 struct SeenObject {
   ObjectKind kind = ObjectKind::kFurniture;
-  bool labelled_moving = false;
+  bool labelled_static = true, labelled_moving = false;
   double moved = 0;  ///< metres: farthest from where it was first seen, over the scans that have points of it
   size_t first_scan = 0, last_scan = 0;  ///< with points of it
   double range_sum = 0;                  ///< metres, over its points
   std::array<Fate, kRangeRings.size()> by_range;
+
+  /// Scored as neither.
+  bool IsUnsure() const { return !labelled_static && (!labelled_moving || moved < kLeastTravel); }
 
   Fate All() const {
     Fate all;
@@ -59,13 +53,9 @@ struct SeenObject {
   }
 };
 
-/// Farthest that something may come from where it was first seen and still count as not having gone anywhere: about
-/// the width of a body.
-inline constexpr double kStaysPut = 0.5;  // metres
-
 /// A cleaned session against its truth. Scored as moving is what SemanticKITTI labels so: "a vehicle or human gets the
 /// corresponding moving class if it moved in some scan while observing them", in all scans of the session. What is
-/// labelled moving but was never seen to come farther than kStaysPut is unsure and not scored. Everything else is
+/// labelled moving but was never seen to come kLeastTravel away is unsure and not scored. Everything else is
 /// static.
 struct RemovalResult {
   RemovalScore score;

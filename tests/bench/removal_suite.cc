@@ -72,7 +72,7 @@ void PrintKinds(const std::map<std::string, KindFate>& kinds, bool moving) {
 void PrintWorstObjects(const RemovalResult& result, size_t count) {
   std::vector<std::pair<uint64_t, uint32_t>> worst;
   for (const auto& [id, object] : result.objects) {
-    if (object.labelled_moving && object.moved < kStaysPut) continue;
+    if (object.IsUnsure()) continue;
     worst.emplace_back(LostOf(object.All(), object.labelled_moving), id);
   }
   std::sort(worst.rbegin(), worst.rend());
@@ -159,7 +159,7 @@ class Suite {
     std::printf("%-40s%6.2f%7zu%8.2fM%8.2f%%%8.2f%8.2f%8.2f%7.2f%%%10.2f%9.1f\n", scene.name.c_str(), voxel_size,
                 scene.scans, static_cast<double>(score.statics + score.moving + result.unsure) / 1e6,
                 Percent(score.moving, score.statics + score.moving), score.sa(), score.da(), score.aa(),
-                Percent(result.unsure, result.as_labelled.moving), result.as_labelled.aa(), milliseconds);
+                Percent(result.unsure, score.moving + result.unsure), result.as_labelled.aa(), milliseconds);
     if (options_.breakdown) {
       PrintKinds(FatesByKind(result, true), true);
       PrintKinds(FatesByKind(result, false), false);

@@ -6,6 +6,7 @@
 #include <pcl/point_types.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -104,6 +105,57 @@ TEST_F(Clean, LabelsEveryPointOfEveryFileAndKeepsTheOriginals) {
   EXPECT_EQ(report["no_returns"], kScans * kNoReturns);
   EXPECT_EQ(report["points"].get<size_t>() - report["points_removed"].get<size_t>(), kept);
   EXPECT_GT(report["ms_per_scan"].get<double>(), 0);
+}
+
+TEST_F(Clean, AblationScoresTheSessionWithEachRefinementAndWritesNothing) {
+  for (int scan = 0; scan < kScans; ++scan) {
+    std::string labels;
+    for (const PointRow& point : ScanNumber(scan)) {
+      const uint32_t label = point[0] == kCarX ? 5U << 16 | 251U : 9U;
+      labels.append(reinterpret_cast<const char*>(&label), sizeof label);
+    }
+    WriteText(session() / "label" / (std::to_string(scan) + ".label"), labels);
+  }
+  const ProgramResult result = RunMapkeep({"clean", session(), "--ablation", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const auto rows = nlohmann::json::parse(result.out);
+  ASSERT_GE(rows.size(), 5U);
+  EXPECT_EQ(rows[0]["refinements"], "none");
+  EXPECT_EQ(rows[3]["refinements"], "+ clusters");
+  for (const auto& row : rows) {
+    EXPECT_NEAR(row["AA"].get<double>(), std::sqrt(row["SA"].get<double>() * row["DA"].get<double>()), 1e-9);
+    EXPECT_GT(row["ms_per_scan"].get<double>(), 0);
+  }
+  // The last row is `clean`.
+  ASSERT_EQ(RunMapkeep({"clean", session(), Out("a")}).exit_code, 0);
+  size_t car = 0, removed = 0;
+  for (int scan = 0; scan < kScans; ++scan) {
+    const std::vector<PointRow> points = ScanNumber(scan);
+    const std::vector<uint32_t> labels = Labels(Out("a"), scan);
+    for (size_t i = kNoReturns; i < points.size(); ++i) {
+      if (points[i][0] != kCarX) continue;
+      ++car;
+      removed += labels[i] == 251 ? 1 : 0;
+    }
+  }
+  EXPECT_DOUBLE_EQ(rows.back()["DA"].get<double>(), 100.0 * static_cast<double>(removed) / static_cast<double>(car));
+
+  const ProgramResult table = RunMapkeep({"clean", session(), "--ablation"});
+  EXPECT_THAT(table.out, ::testing::ContainsRegex("none +[0-9.]+ +[0-9.]+ +[0-9.]+ +[0-9.]+\n"));
+}
+
+TEST_F(Clean, AblationSaysWhatIsWrongWithTheTruth) {
+  const ProgramResult without = RunMapkeep({"clean", session(), "--ablation"});
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.error, ::testing::HasSubstr("label/"));
+  for (int scan = 0; scan < kScans; ++scan) {
+    WriteText(session() / "label" / (std::to_string(scan) + ".label"), "four");
+  }
+  const ProgramResult short_file = RunMapkeep({"clean", session(), "--ablation"});
+  EXPECT_EQ(short_file.exit_code, 2);
+  EXPECT_THAT(short_file.error, ::testing::HasSubstr(".label: 4 bytes for"));
+  EXPECT_EQ(RunMapkeep({"clean", session(), Out("a"), "--ablation"}).exit_code, 2) << "nothing would be written there";
+  EXPECT_EQ(RunMapkeep({"clean", session()}).exit_code, 2) << "nowhere to write to";
 }
 
 TEST_F(Clean, OneAndTwoThreadsWriteTheSameBytes) {

@@ -124,6 +124,26 @@ TEST(Session, WhatMovesAtAnyTimeIsMovingInEveryScanAndWhatMovesLaterIsNot) {
   EXPECT_EQ(moving_points(10), 0U);
 }
 
+TEST(Session, WhatOnlyShiftsItsWeightIsNeitherMovingNorStatic) {
+  const SceneObject ground = Standing(1, 0, At(0, 0, 0));
+  // Sways to both sides and ends where it began; `reach` metres from there at most.
+  const auto label_of = [&](double reach) {
+    SceneObject swaying = PassingCar();
+    const Pose start = swaying.track[0].pose;
+    swaying.track = {{0, start}, {0.5, At(0, reach, 0) * start}, {1.5, At(0, -reach, 0) * start}, {2, start}};
+    const auto session = Simulate(SceneCaster(), {ground, swaying}, StandingRide("vlp16", 20));
+    const auto scan = session->labelled(0);
+    uint32_t seen = ~uint32_t{0};
+    for (const uint32_t label : scan->labels) {
+      if (ObjectOfLabel(label) == swaying.id) seen = ClassOfLabel(label);
+    }
+    return seen;
+  };
+  EXPECT_EQ(label_of(0), kStaticLabel);
+  EXPECT_EQ(label_of(0.4), kUnsureLabel);
+  EXPECT_EQ(label_of(0.6), kMovingLabel);
+}
+
 TEST(Session, TheSameArgumentsGiveTheSameBytesOnAnyNumberOfThreads) {
   const auto scan_on = [](int threads) {
     tbb::task_arena arena(threads);

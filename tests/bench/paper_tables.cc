@@ -1,0 +1,18 @@
+// Reruns the paper's tables on data that whoever runs it has. The first option says which:
+//
+//   paper_tables --kth DIR...    Tables 2 and 3, on folders of the KTH dynamic-map benchmark
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "tests/bench/paper_table_2_3.h"
+
+int main(int argc, char** argv) {
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  if (arguments.size() >= 2 && arguments[0] == "--kth") {
+    return mapkeep::RunPaperTables2And3(std::span(arguments).subspan(1));
+  }
+  std::fputs("usage: paper_tables --kth DIR...\n", stderr);
+  return 2;
+}
