@@ -179,15 +179,12 @@ class Committer {
 
   /// Step 2. The same values again do no harm.
   absl::Status PutValues(const CommitPlan& plan) {
-    for (const auto& [group, written] : plan.groups) {
-      absl::Status status = absl::UnknownError("");
-      for (int i = 0; i < kTries && IsOpen(status); ++i) {
-        Pause(i);
-        status = store_.engine.PutValues(group, written);
-      }
-      if (!status.ok()) return status;
+    absl::Status status = absl::UnknownError("");
+    for (int i = 0; i < kTries && IsOpen(status); ++i) {
+      Pause(i);
+      status = store_.engine.PutGroups(plan.groups);
     }
-    return absl::OkStatus();
+    return status;
   }
 
   /// Step 3. False if the race was lost, or the attempt was ended by the collector.

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/geometry/progress.h"
 #include "core/voxels/block.h"
 #include "core/voxels/voxel_index.h"
 #include "storage/clock.h"
@@ -104,6 +105,13 @@ struct MapVersion {
   std::vector<std::string> tags;
 };
 
+/// What a check of a whole map found.
+struct MapVerification {
+  uint64_t epochs = 0, nodes = 0, blocks = 0, voxels = 0;  ///< read and checked; what epochs share counts once
+  uint64_t problem_count = 0;
+  std::vector<std::string> problems;  ///< the first hundred, in words
+};
+
 /// What a rollback did.
 struct RollbackOutcome {
   CommitRecord commit;
@@ -169,6 +177,14 @@ class MapStore final {
   absl::StatusOr<Tag> AddTag(std::string_view map, std::string_view name, std::optional<uint64_t> epoch);
   /// NOT_FOUND without the tag.
   absl::Status RemoveTag(std::string_view map, std::string_view name);
+
+  /// Reads everything that the map's readable epochs reach, past the caches, and checks it: checksums, that every value
+  /// is there, that the sums in the tree are those of the blocks, `block` (what else is to hold of a block, an error
+  /// says what does not), and that nothing is stored in the map's tiles that no epoch reaches and no row names for
+  /// collection. May run while the map is served. CANCELLED when `progress` says stop.
+  absl::StatusOr<MapVerification> Verify(std::string_view map,
+                                         const std::function<absl::Status(const Block&)>& block = {},
+                                         const Progress& progress = {}) const;
 
   /// The record of a session's commit, if it is applied.
   absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map, std::string_view session) const;
