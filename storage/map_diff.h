@@ -19,6 +19,9 @@ struct BlockChange {
   Block disappeared;  ///< the other way round
 };
 
+/// Of one block; empty ones if it does not differ in this.
+absl::StatusOr<BlockChange> ChangeOf(const Snapshot& before, const Snapshot& after, BlockKey key);
+
 /// Calls `change` for each block with a difference between two snapshots of one map, in order of key. Reads what
 /// differs alone: values that both epochs share are passed over unread. INVALID_ARGUMENT for snapshots of different
 /// maps; errors of `change` are passed on.
