@@ -33,6 +33,23 @@ struct Limits {
   int shutdown_seconds = 10;    ///< that open calls get to end
 };
 
+enum class EngineChoice { kRocksDb, kRados };
+
+/// What the store lies on.
+struct EngineConfig {
+  EngineChoice choice = EngineChoice::kRocksDb;
+  std::string rados_conf, rados_pool = "mapkeep", rados_namespace, rados_user = "admin", rados_keyring;
+};
+
+/// How much of the past is kept.
+struct History {
+  int keep_epochs = 1000;         ///< the newest ones of a map
+  double keep_days = 0;           ///< and those that were the newest one so recently
+  int collect_seconds = 300;      ///< between collections; 0: never
+  int values_per_second = 20000;  ///< that a collection deletes; 0: no limit
+  bool keep_scans = false;        ///< of every session, also those that do not ask for it
+};
+
 /// The parameters of the pipeline's stages. Voxel sizes in here are not settings: each map has its own.
 struct StageParameters {
   AlignParameters align;
@@ -54,6 +71,8 @@ struct Config {
   LogFormat log_format = LogFormat::kText;
   std::string ports_file;  ///< empty: none
   Limits limits;
+  EngineConfig engine;
+  History history;
   StageParameters stages;
 };
 

@@ -14,11 +14,13 @@
 #include <thread>
 #include <utility>
 
+#include "server/housekeeping.h"
 #include "server/http/admin_server.h"
 #include "server/log.h"
 #include "server/pipeline/pipeline.h"
 #include "server/rpc/rpc_server.h"
 #include "server/work_pool.h"
+#include "storage/rados_engine.h"
 #include "storage/rocksdb_engine.h"
 
 namespace mapkeep {
@@ -64,16 +66,30 @@ struct Daemon::State {
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<WorkPool> pool;
   std::unique_ptr<RpcServer> rpc;
+  std::unique_ptr<Housekeeping> housekeeping;
   bool stopped = false;
+
+  absl::StatusOr<std::unique_ptr<Engine>> OpenEngine() const {
+    const EngineConfig& given = config.engine;
+    if (given.choice == EngineChoice::kRados) {
+      return OpenRadosEngine({.conf = given.rados_conf,
+                              .pool = given.rados_pool,
+                              .name_space = given.rados_namespace,
+                              .user = given.rados_user,
+                              .keyring = given.rados_keyring});
+    }
+    auto opened = OpenRocksDbEngine((fs::path(config.data) / "rocksdb").string());
+    if (opened.ok()) return opened;
+    return absl::Status(opened.status().code(),
+                        absl::StrFormat("--data %s: %s", config.data, opened.status().message()));
+  }
 
   absl::Status OpenStores() {
     std::error_code error;
     fs::create_directories(config.data, error);
     if (error) return absl::UnavailableError(absl::StrFormat("--data %s: %s", config.data, error.message()));
-    auto opened = OpenRocksDbEngine((fs::path(config.data) / "rocksdb").string());
-    if (!opened.ok()) {
-      return {opened.status().code(), absl::StrFormat("--data %s: %s", config.data, opened.status().message())};
-    }
+    auto opened = OpenEngine();
+    if (!opened.ok()) return opened.status();
     engine = *std::move(opened);
     maps = OpenMapStore(*engine, {.block_cache_bytes = static_cast<size_t>(config.limits.block_cache_mib) << 20});
     sessions = OpenSessionStore(*engine);
@@ -92,9 +108,11 @@ struct Daemon::State {
                                                    .holder = *holder,
                                                    .stages = config.stages});
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
-    auto started = RpcServer::Start(config.listen, {*maps, *sessions, feed, *pipeline, *pool, config, map_lifetimes});
+    auto started =
+        RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, map_lifetimes});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
+    housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history);
     return pipeline->ResumeUnfinished();
   }
 };
@@ -135,6 +153,7 @@ void Daemon::Stop() {
   state_->admin->SetReady(false);
   state_->rpc->SetServing(false);
   std::this_thread::sleep_for(std::chrono::seconds(state_->config.limits.drain_seconds));
+  state_->housekeeping.reset();
   state_->pipeline->Close();
   state_->rpc->Shutdown(std::chrono::seconds(state_->config.limits.shutdown_seconds));
   state_->rpc.reset();

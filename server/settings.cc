@@ -124,6 +124,17 @@ Setting Boolean(std::string name, Field<bool> field, std::string about) {
           }};
 }
 
+Setting StoreEngine(std::string about) {
+  return {"engine", "rocksdb or rados", std::move(about),
+          [](const Config& config) { return config.engine.choice == EngineChoice::kRados ? "rados" : "rocksdb"; },
+          [](Config& config, const SettingValue& value) {
+            const auto text = TextOf(value);
+            if (text != "rocksdb" && text != "rados") return false;
+            config.engine.choice = text == "rados" ? EngineChoice::kRados : EngineChoice::kRocksDb;
+            return true;
+          }};
+}
+
 Setting Engine(std::string about) {
   return {"clean.exposure_engine", "projection or ray_walk", std::move(about),
           [](const Config& config) {
@@ -164,6 +175,25 @@ std::vector<Setting> MakeSettings() {
       Path("ports_file", MAPKEEP_FIELD(ports_file), true, "a file, or nothing",
            "Written as JSON once serving: the ports that were picked"),
 
+      StoreEngine("What maps and sessions lie on: RocksDB under `data`, or a pool of a Ceph cluster"),
+      Path("rados.conf", MAPKEEP_FIELD(engine.rados_conf), true, "a file, or nothing",
+           "ceph.conf of the cluster; nothing: where Ceph looks for it"),
+      Path("rados.pool", MAPKEEP_FIELD(engine.rados_pool), false, "a name", "Pool, which must exist"),
+      Path("rados.namespace", MAPKEEP_FIELD(engine.rados_namespace), true, "a name, or nothing",
+           "Inside the pool, so that several fleets may share one"),
+      Path("rados.user", MAPKEEP_FIELD(engine.rados_user), false, "a name", "Of cephx: client.<user>"),
+      Path("rados.keyring", MAPKEEP_FIELD(engine.rados_keyring), true, "a file, or nothing",
+           "With the user's key; nothing: as ceph.conf says"),
+      Integer("history.keep_epochs", MAPKEEP_FIELD(history.keep_epochs), 1, 1 << 30,
+              "Newest epochs of a map that stay readable; tagged ones stay as well"),
+      Number("history.keep_days", MAPKEEP_FIELD(history.keep_days), 0, 36500,
+             "Epochs that were the newest one so recently stay, too"),
+      Integer("history.collect_seconds", MAPKEEP_FIELD(history.collect_seconds), 0, 86400,
+              "Seconds between collections of what is not kept; 0: only when asked"),
+      Integer("history.values_per_second", MAPKEEP_FIELD(history.values_per_second), 0, 1 << 30,
+              "Values that a collection deletes in a second; 0: no limit"),
+      Boolean("history.keep_scans", MAPKEEP_FIELD(history.keep_scans),
+              "Keep the scans of every session: `admin replay` and retries after a rollback need them"),
       Integer("limits.jobs", MAPKEEP_FIELD(limits.jobs), 1, 64, "Sessions at work at a time, each of another map"),
       Integer("limits.storage_threads", MAPKEEP_FIELD(limits.storage_threads), 1, 256,
               "Threads for calls that read or write the store"),

@@ -3,7 +3,12 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <set>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -16,6 +21,7 @@ namespace mapkeep {
 namespace {
 
 constexpr size_t kRowsAtOnce = 100;
+constexpr size_t kTreeCache = size_t{32} << 20;  ///< bytes of tree nodes of tagged epochs
 
 struct Row {
   std::string key, bytes;
@@ -53,12 +59,15 @@ absl::StatusOr<bool> DeleteIfSame(Engine& engine, const std::string& partition, 
 /// One map's collection.
 class MapCollector {
  public:
-  MapCollector(Engine& engine, const GarbageOptions& options, uint64_t incarnation, GarbageCounts& counts)
+  MapCollector(Engine& engine, const GarbageOptions& options, uint64_t incarnation, std::function<bool()> progress,
+               GarbageCounts& counts)
       : engine_(engine),
         options_(options),
         incarnation_(incarnation),
         partition_(HeadPartition(incarnation)),
         dead_(options.now() - options.grace_seconds),
+        values_(engine, caches_, incarnation),
+        progress_(std::move(progress)),
         counts_(counts) {}
 
   absl::Status Run() {
@@ -67,6 +76,7 @@ class MapCollector {
     if (absl::Status status = DropLeases(); !status.ok()) return status;
     absl::StatusOr<uint64_t> oldest = RaiseOldest();
     if (!oldest.ok()) return oldest.status();
+    if (absl::Status status = ReadTagged(*oldest); !status.ok()) return status;
     const absl::StatusOr<uint64_t> pinned = LowestPin(*oldest);
     if (!pinned.ok()) return pinned.status();
     return DropSuperseded(*pinned);
@@ -103,7 +113,10 @@ class MapCollector {
       if (*again != row.bytes) continue;
       const auto applied = ReadRow(engine_, partition_, AppliedRowKey(staged->session), DecodeApplied);
       if (!applied.ok()) return applied.status();
-      if (!*applied || (*applied)->value.attempt != staged->attempt) {
+      const auto withdrawn = engine_.Get(partition_, WithdrawnRowKey(staged->session, staged->attempt));
+      if (!withdrawn.ok()) return withdrawn.status();
+      const bool committed = (*applied && (*applied)->value.attempt == staged->attempt) || *withdrawn;
+      if (!committed) {
         if (absl::Status status = DeleteNamed(engine_, incarnation_, staged->values); !status.ok()) return status;
         counts_.values += staged->values.size();
       }
@@ -139,7 +152,9 @@ class MapCollector {
     const uint64_t before = *oldest ? (*oldest)->value : 0;
     const uint64_t newest = (*head)->value.epoch;
     const uint64_t keep = std::max<uint64_t>(options_.keep_epochs, 1);
-    const uint64_t wanted = newest + 1 > keep ? newest + 1 - keep : 0;
+    const absl::StatusOr<uint64_t> young = FirstYoung(before, newest + 1 > keep ? newest + 1 - keep : 0);
+    if (!young.ok()) return young.status();
+    const uint64_t wanted = *young;
     if (wanted <= before) return before;
     const auto map = engine_.Get(partition_, kMapRow);
     if (!map.ok()) return map.status();
@@ -152,6 +167,34 @@ class MapCollector {
     if (!raised.ok()) return raised;
     counts_.epochs += wanted - before;
     return wanted;
+  }
+
+  /// The first epoch of [from, end] that is to stay for its age, or `end`. An epoch ages from the commit that replaced
+  /// it.
+  absl::StatusOr<uint64_t> FirstYoung(uint64_t from, uint64_t end) {
+    if (options_.keep_seconds <= 0) return end;
+    for (uint64_t epoch = from; epoch < end; ++epoch) {
+      const auto next = ReadRow(engine_, partition_, CommitRowKey(epoch + 1), DecodeCommit);
+      if (!next.ok()) return next.status();
+      if (*next && (*next)->value.time > options_.now() - options_.keep_seconds) return epoch;
+    }
+    return end;
+  }
+
+  absl::Status ReadTagged(uint64_t oldest) {
+    const auto tags = ReadRow(engine_, partition_, kTagsRow, DecodeTags);
+    if (!tags.ok()) return tags.status();
+    if (!*tags) return absl::OkStatus();
+    for (const Tag& tag : (*tags)->value.tags) {
+      const auto root = ReadRow(engine_, partition_, RootRow(tag.epoch), DecodeEpoch);
+      if (!root.ok()) return root.status();
+      if (*root) {
+        tagged_.emplace(tag.epoch, (*root)->value.root);
+      } else if (tag.epoch >= oldest) {
+        return absl::DataLossError(absl::StrCat("the root of tagged epoch ", tag.epoch, " is missing"));
+      }
+    }
+    return absl::OkStatus();
   }
 
   absl::StatusOr<uint64_t> LowestPin(uint64_t lowest) {
@@ -185,26 +228,78 @@ class MapCollector {
     while (true) {
       const absl::StatusOr<std::vector<Row>> rows = RowsFrom(engine_, partition_, prefix, begin, kRowsAtOnce);
       if (!rows.ok()) return rows.status();
-      std::vector<Mutation> done;
       for (const Row& row : *rows) {
-        if (row.key >= end) break;
-        const absl::StatusOr<std::vector<ValueName>> names = DecodeNames(row.bytes);
-        if (!names.ok()) return names.status();
-        if (absl::Status status = DeleteNamed(engine_, incarnation_, *names); !status.ok()) return status;
-        counts_.values += names->size();
-        done.push_back({row.key, std::nullopt});
+        if (row.key >= end) return absl::OkStatus();
+        if (absl::Status status = DropSupersededRow(row); !status.ok()) return status;
       }
-      if (done.empty()) return absl::OkStatus();
-      begin = done.back().key + '\0';
-      if (absl::Status status = engine_.Write(partition_, done, Durability::kBuffered); !status.ok()) return status;
+      if (rows->empty()) return absl::OkStatus();
+      begin = rows->back().key + '\0';
     }
   }
 
+  /// Deletes what the row names, apart from what tagged epochs reach: that stays named.
+  absl::Status DropSupersededRow(const Row& row) {
+    absl::StatusOr<Superseded> superseded = DecodeSuperseded(row.bytes);
+    if (!superseded.ok()) return superseded.status();
+    const auto tagged = [this](uint64_t epoch) { return tagged_.contains(epoch); };
+    if (!superseded->needed_by.empty() && std::ranges::all_of(superseded->needed_by, tagged)) return absl::OkStatus();
+    absl::StatusOr<Superseded> kept = NeededByTags(row.key, superseded->names);
+    if (!kept.ok()) return kept.status();
+    std::vector<ValueName> gone;
+    std::ranges::set_difference(Sorted(superseded->names), Sorted(kept->names), std::back_inserter(gone));
+    if (absl::Status status = DeleteNamed(engine_, incarnation_, gone); !status.ok()) return status;
+    counts_.values += gone.size();
+    if (absl::Status status = Pace(gone.size()); !status.ok()) return status;
+    if (kept->names.empty()) {
+      const std::vector<Mutation> done = {{row.key, std::nullopt}};
+      return engine_.Write(partition_, done, Durability::kBuffered);
+    }
+    const std::vector<Condition> conditions = {{row.key, row.bytes}};
+    const std::vector<Mutation> shortened = {{row.key, EncodeRow(*kept)}};
+    const absl::Status written = engine_.CompareAndSet(partition_, conditions, shortened);
+    return absl::IsAborted(written) ? absl::OkStatus() : written;  // a rollback was here: the next collection sees
+  }
+
+  absl::StatusOr<Superseded> NeededByTags(const std::string& key, const std::vector<ValueName>& names) const {
+    Superseded kept;
+    std::vector<ValueName> open = names;
+    for (const auto& [epoch, root] : tagged_) {
+      if (SupersededRow(epoch + 1) > key) break;  // tagged epochs from the row's own on do not reach them
+      std::vector<ValueName> left;
+      const size_t before = kept.names.size();
+      for (const ValueName& name : open) {
+        const absl::StatusOr<bool> reached = Reaches(values_, root, name);
+        if (!reached.ok()) return reached.status();
+        (*reached ? kept.names : left).push_back(name);
+      }
+      if (kept.names.size() > before) kept.needed_by.push_back(epoch);
+      open = std::move(left);
+    }
+    return kept;
+  }
+
+  /// Waits as long as deleting so many values may take.
+  absl::Status Pace(size_t values) const {
+    if (options_.values_per_second > 0) {
+      std::this_thread::sleep_for(
+          std::chrono::duration<double>(static_cast<double>(values) / options_.values_per_second));
+    }
+    if (progress_ && !progress_()) return absl::CancelledError("the collection was stopped");
+    return absl::OkStatus();
+  }
+
+  static std::vector<ValueName> Sorted(std::vector<ValueName> names) {
+    std::ranges::sort(names);
+    return names;
+  }
+
   absl::Status DropRoots(uint64_t lowest) {
+    std::set<std::string, std::less<>> kept;
+    for (const auto& [epoch, root] : tagged_) kept.insert(RootRow(epoch));
     std::vector<Mutation> roots;
     absl::Status scanned =
-        engine_.Scan(partition_, RootRow(0), RootRow(lowest), [&roots](std::string_view key, std::string_view) {
-          roots.push_back({std::string(key), std::nullopt});
+        engine_.Scan(partition_, RootRow(0), RootRow(lowest), [&](std::string_view key, std::string_view) {
+          if (!kept.contains(key)) roots.push_back({std::string(key), std::nullopt});
           return true;
         });
     if (!scanned.ok() || roots.empty()) return scanned;
@@ -216,6 +311,10 @@ class MapCollector {
   const uint64_t incarnation_;
   const std::string partition_;
   const double dead_;  ///< what expired before it is over
+  MapCaches caches_{kTreeCache};
+  const MapValues values_;
+  const std::function<bool()> progress_;  ///< whether to go on
+  std::map<uint64_t, TreeRoot> tagged_;   ///< trees of the epochs that tags keep
   GarbageCounts& counts_;
 };
 
@@ -262,14 +361,14 @@ absl::StatusOr<GarbageCounts> CollectGarbage(Engine& engine, const GarbageOption
   const absl::StatusOr<std::vector<Row>> maps = RowsOf(engine, kCatalogue, CatalogueRow(""));
   if (!maps.ok()) return maps.status();
   for (size_t i = 0; i < maps->size(); ++i) {
-    if (progress && !progress(static_cast<double>(i) / static_cast<double>(maps->size()))) {
-      return absl::CancelledError("the collection was stopped");
-    }
+    const auto going = [&] {
+      return !progress || progress(static_cast<double>(i) / static_cast<double>(maps->size()));
+    };
+    if (!going()) return absl::CancelledError("the collection was stopped");
     const absl::StatusOr<MapRecord> map = DecodeMap((*maps)[i].bytes);
     if (!map.ok()) return map.status();
-    if (absl::Status status = MapCollector(engine, options, map->incarnation, counts).Run(); !status.ok()) {
-      return status;
-    }
+    absl::Status collected = MapCollector(engine, options, map->incarnation, going, counts).Run();
+    if (!collected.ok()) return collected;
   }
   if (progress) progress(1);
   return counts;

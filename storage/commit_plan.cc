@@ -62,8 +62,8 @@ absl::Status CheckKeys(const std::vector<Block>& sorted) {
 void AddValue(CommitPlan& plan, uint64_t incarnation, const ValueName& name, std::string value) {
   plan.names.push_back(name);
   std::string group = GroupOf(incarnation, name);
-  if (plan.groups.empty() || plan.groups.back().first != group) plan.groups.emplace_back(std::move(group), 0);
-  plan.groups.back().second.push_back({KeyOf(name), std::move(value)});
+  if (plan.groups.empty() || plan.groups.back().group != group) plan.groups.push_back({std::move(group), {}});
+  plan.groups.back().values.push_back({KeyOf(name), std::move(value)});
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ struct CommitPlan {
   TreeEdit edit;
   std::vector<TileKey> touched_tiles;  ///< in order
   std::vector<ValueName> names;        ///< of all that is written
-  std::vector<std::pair<std::string, std::vector<ImmutableValue>>> groups;
+  std::vector<ValueGroup> groups;
   absl::flat_hash_map<BlockKey, WrittenBlock> blocks;  ///< the changed ones, also those of an earlier round
 };
 

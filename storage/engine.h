@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace mapkeep {
 
@@ -29,6 +30,12 @@ struct ImmutableValue {
   std::string value;
 };
 
+/// Values of one group.
+struct ValueGroup {
+  std::string group;
+  std::vector<ImmutableValue> values;
+};
+
 enum class Durability {
   kBuffered,  ///< survives the process, and becomes durable with the partition's next durable write or Sync
   kDurable,   ///< survives power loss once the call returns
@@ -38,7 +45,7 @@ enum class Durability {
 /// groups of rows ordered by key as bytes. Thread-safe. A status of UNKNOWN or DEADLINE_EXCEEDED from a write means
 /// that it may have been applied, or may still be; every other error means that it was not and will not be:
 /// RESOURCE_EXHAUSTED for want of space, INVALID_ARGUMENT for a partition or group whose name is empty or longer than
-/// 65,535 bytes. A read of damaged bytes is DATA_LOSS.
+/// 1,000 bytes. A read of damaged bytes is DATA_LOSS.
 class Engine {
  public:
   virtual ~Engine() = default;
@@ -65,6 +72,14 @@ class Engine {
   /// with the next durable write. The same values may be written again.
   virtual absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) = 0;
 
+  /// PutValues of several groups, at once where an engine can.
+  virtual absl::Status PutGroups(std::span<const ValueGroup> groups) {
+    for (const ValueGroup& group : groups) {
+      if (absl::Status status = PutValues(group.group, group.values); !status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
   /// NOT_FOUND if it was never written or is deleted.
   virtual absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const = 0;
 
@@ -78,7 +93,7 @@ class Engine {
   /// Makes everything written so far durable.
   virtual absl::Status Sync() = 0;
 
-  /// A consistent copy of everything in a new directory, while serving.
+  /// A consistent copy of everything in a new directory, while serving. UNIMPLEMENTED where there is no such thing.
   virtual absl::Status Checkpoint(const std::string& directory) = 0;
 };
 

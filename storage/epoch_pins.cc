@@ -44,13 +44,15 @@ EpochPins::Reader& EpochPins::ReaderOf(uint64_t incarnation) {
 absl::StatusOr<std::unique_ptr<EpochPins::Hold>> EpochPins::Pin(uint64_t incarnation, uint64_t epoch) {
   Reader& reader = ReaderOf(incarnation);
   const std::scoped_lock lock(reader.mutex);
-  const bool covered =
-      reader.row && reader.row->value.epoch <= epoch && now_() + seconds_ / 4 < reader.row->value.expires;
-  if (!covered) {
+  if (!Covers(reader, epoch) || now_() + seconds_ / 4 >= reader.row->value.expires) {
     if (absl::Status status = Place(incarnation, reader, epoch); !status.ok()) return status;
   }
   reader.open.insert(epoch);
   return std::make_unique<Hold>(*this, incarnation, epoch, reader.generation);
+}
+
+bool EpochPins::Covers(const Reader& reader, uint64_t epoch) {
+  return reader.row && (epoch >= reader.covers_from || reader.open.contains(epoch));
 }
 
 absl::Status EpochPins::Place(uint64_t incarnation, Reader& reader, uint64_t epoch) {
@@ -58,6 +60,7 @@ absl::Status EpochPins::Place(uint64_t incarnation, Reader& reader, uint64_t epo
   for (int i = 0; i < kTries; ++i) {
     const auto row = ReadRow(engine_, partition, key_, DecodePin);
     if (!row.ok()) return row.status();
+    if (!reader.row || !*row || (*row)->bytes != reader.row->bytes) reader.covers_from = UINT64_MAX;
     if (reader.row && (!*row || (*row)->bytes != reader.row->bytes)) {
       // It expired and was collected, or a write of unknown outcome came through: begin again.
       ++reader.generation;
@@ -77,10 +80,15 @@ absl::Status EpochPins::PlaceAnew(uint64_t incarnation, Reader& reader, uint64_t
   if (!*map) return absl::NotFoundError("the map is deleted");
   const auto oldest = ReadRow(engine_, partition, kOldestRow, DecodeNumber);
   if (!oldest.ok()) return oldest.status();
-  const bool covered = reader.row && reader.row->value.epoch <= epoch;
-  if (!covered && *oldest && epoch < (*oldest)->value) {
-    return absl::FailedPreconditionError(
-        Text("epoch ", epoch, " is collected: the oldest one kept is ", (*oldest)->value));
+  const bool covered = Covers(reader, epoch);
+  const uint64_t lowest = *oldest ? (*oldest)->value : 0;
+  absl::StatusOr<std::optional<StoredRow<Tags>>> tags = std::optional<StoredRow<Tags>>();
+  if (!covered && epoch < lowest) {
+    tags = ReadRow(engine_, partition, kTagsRow, DecodeTags);
+    if (!tags.ok()) return tags.status();
+    if (!*tags || !IsTagged((*tags)->value, epoch)) {
+      return absl::FailedPreconditionError(Text("epoch ", epoch, " is collected: the oldest one kept is ", lowest));
+    }
   }
   mapkeep::Pin pin{epoch, now_() + seconds_};
   if (!reader.open.empty()) pin.epoch = std::min(pin.epoch, *reader.open.begin());
@@ -90,11 +98,18 @@ absl::Status EpochPins::PlaceAnew(uint64_t incarnation, Reader& reader, uint64_t
       {key_, reader.row ? std::optional(reader.row->bytes) : std::nullopt},
   };
   if (!covered) {
-    conditions.push_back({std::string(kOldestRow), *oldest ? std::optional((*oldest)->bytes) : std::nullopt});
+    conditions.push_back({std::string(kOldestRow), BytesOf(*oldest)});
+    if (*tags) conditions.push_back({std::string(kTagsRow), BytesOf(*tags)});
   }
   const std::vector<Mutation> mutations = {{key_, next.bytes}};
   absl::Status written = engine_.CompareAndSet(partition, conditions, mutations);
-  if (written.ok()) reader.row = std::move(next);
+  if (written.ok()) {
+    // What the row keeps from now on, as far as it was not collected before: what it kept already is not, nor is what
+    // the oldest epoch that the row required still lets in.
+    const uint64_t whole_from = covered ? reader.covers_from : std::min(reader.covers_from, lowest);
+    reader.covers_from = std::max(pin.epoch, whole_from);
+    reader.row = std::move(next);
+  }
   return written;
 }
 

@@ -25,6 +25,8 @@ namespace mapkeep {
 /// Why it is safe: a pin is written by a compare-and-set that requires the oldest epoch unchanged, and the collector
 /// raises the oldest epoch before it reads the pins; so a pin is either refused or seen. A pin past its lease is
 /// deleted by the collector with a compare-and-set before it goes further, and renewing one requires that it is there.
+/// A tagged epoch below the oldest may be pinned, too: that requires the tags unchanged, and the collector reads the
+/// tags before the pins, so that it sees the tag or the pin.
 class EpochPins final {
  public:
   /// `engine` outlives it. A pin that is not renewed expires after `seconds`.
@@ -57,10 +59,12 @@ class EpochPins final {
   struct Reader {
     std::mutex mutex;
     std::multiset<uint64_t> open;
+    uint64_t covers_from = UINT64_MAX;           ///< from which epoch on the row keeps all; below, only what is open
     std::optional<StoredRow<mapkeep::Pin>> row;  ///< as it was written last
     uint64_t generation = 0;                     ///< counts the times that the row was lost: holds of before are void
   };
 
+  static bool Covers(const Reader& reader, uint64_t epoch);
   Reader& ReaderOf(uint64_t incarnation);
   absl::Status Place(uint64_t incarnation, Reader& reader, uint64_t epoch);
   absl::Status PlaceAnew(uint64_t incarnation, Reader& reader, uint64_t epoch);

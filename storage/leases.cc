@@ -11,11 +11,6 @@ namespace {
 
 constexpr int kTries = 64;
 
-template <typename Value>
-std::optional<std::string> BytesOf(const std::optional<StoredRow<Value>>& row) {
-  return row ? std::optional(row->bytes) : std::nullopt;
-}
-
 absl::Status TakenOver(const Lease& lease) {
   return absl::AbortedError(
       Text("the lease of ", lease.holder, " on session ", lease.session, " was taken over or released"));

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "storage/commit_plan.h"
+#include "storage/map_history.h"
 #include "storage/map_store_state.h"
 #include "storage/text.h"
 
@@ -113,6 +114,12 @@ class Committer {
   /// A session's blocks lie in the frame that the map had at its base epoch; a first session that chose an origin
   /// meanwhile moved that frame.
   absl::Status CheckBase(const EpochState& head) const {
+    const absl::StatusOr<bool> ancestor = IsAncestor(store_.engine, incarnation_, request_.base_epoch, head);
+    if (!ancestor.ok()) return ancestor.status();
+    if (!*ancestor) {
+      return absl::AbortedError(Text("epoch ", request_.base_epoch, ", which session ", request_.session,
+                                     " was aligned to, was rolled back"));
+    }
     if (request_.origin && head.epoch == 0 && head.origin.value_or(*request_.origin) == *request_.origin) {
       return absl::OkStatus();
     }
@@ -172,15 +179,12 @@ class Committer {
 
   /// Step 2. The same values again do no harm.
   absl::Status PutValues(const CommitPlan& plan) {
-    for (const auto& [group, written] : plan.groups) {
-      absl::Status status = absl::UnknownError("");
-      for (int i = 0; i < kTries && IsOpen(status); ++i) {
-        Pause(i);
-        status = store_.engine.PutValues(group, written);
-      }
-      if (!status.ok()) return status;
+    absl::Status status = absl::UnknownError("");
+    for (int i = 0; i < kTries && IsOpen(status); ++i) {
+      Pause(i);
+      status = store_.engine.PutGroups(plan.groups);
     }
-    return absl::OkStatus();
+    return status;
   }
 
   /// Step 3. False if the race was lost, or the attempt was ended by the collector.
@@ -198,7 +202,7 @@ class Committer {
         {AppliedRowKey(request_.session), EncodeRow(Applied{next.epoch, intent_.attempt})},
         {IntentRowKey(intent_.attempt), std::nullopt}};
     for (const std::string& staged : staged_) mutations.push_back({staged, std::nullopt});
-    if (const std::vector<ValueName> superseded = Superseded(plan); !superseded.empty()) {
+    if (const Superseded superseded{SupersededBy(plan)}; !superseded.names.empty()) {
       mutations.push_back({SupersededRow(next.epoch), EncodeRow(superseded)});
     }
     const absl::Status swapped = store_.engine.CompareAndSet(partition_, conditions, mutations);
@@ -260,7 +264,7 @@ class Committer {
   }
 
   /// Values that no epoch from the new one on reaches: the old tree's, and what earlier rounds wrote in vain.
-  std::vector<ValueName> Superseded(const CommitPlan& plan) const {
+  std::vector<ValueName> SupersededBy(const CommitPlan& plan) const {
     std::vector<ValueName> names = plan.edit.superseded;
     absl::flat_hash_set<ValueName> used(plan.names.begin(), plan.names.end());
     for (const auto& [key, written] : plan.blocks) {

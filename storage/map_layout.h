@@ -22,6 +22,9 @@ namespace mapkeep {
 //     oldest                      the oldest epoch that may be opened (absent: 0)
 //     commit/<epoch>              CommitRow
 //     applied/<session>           AppliedRow: this session is in the map
+//     withdrawn/<session>/<attempt> WithdrawnRow: this commit of it was rolled back
+//     unsettled/<session>         random bits: a rollback took the session out or in, and its record may not say so yet
+//     tags                        TagsRow: names of epochs, which keep what these reach
 //     superseded/<epoch>          ValueNames that no epoch from this one on reaches
 //     intent/<attempt>            IntentRow: an attempt under way
 //     staged/<attempt>/<round>    StagedRow: the values that it writes
@@ -71,6 +74,12 @@ inline std::string RootRow(uint64_t epoch) { return Text("root/", Hex(epoch)); }
 inline std::string CommitRowKey(uint64_t epoch) { return Text("commit/", Hex(epoch)); }
 inline std::string SupersededRow(uint64_t epoch) { return Text("superseded/", Hex(epoch)); }
 inline std::string AppliedRowKey(std::string_view session) { return Text("applied/", session); }
+inline constexpr std::string_view kTagsRow = "tags";
+inline constexpr std::string_view kUnsettledPrefix = "unsettled/";
+inline std::string UnsettledRow(std::string_view session) { return Text(kUnsettledPrefix, session); }
+inline std::string WithdrawnRowKey(std::string_view session, uint64_t attempt) {
+  return Text("withdrawn/", session, "/", Hex(attempt));
+}
 inline std::string IntentRowKey(uint64_t attempt) { return Text("intent/", Hex(attempt)); }
 inline std::string StagedRowKey(const WriteId& id) {
   return Text("staged/", Hex(id.attempt), "/", absl::Hex(id.round, absl::kZeroPad8));

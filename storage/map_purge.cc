@@ -73,9 +73,9 @@ absl::Status DropSuperseded(Engine& engine, uint64_t incarnation, const std::str
   const auto rows = RowsOf(engine, partition, "superseded/");
   if (!rows.ok()) return rows.status();
   for (const auto& [key, row] : *rows) {
-    const absl::StatusOr<std::vector<ValueName>> names = DecodeNames(row);
-    if (!names.ok()) return names.status();
-    if (absl::Status status = DeleteNamed(engine, incarnation, *names); !status.ok()) return status;
+    const absl::StatusOr<Superseded> superseded = DecodeSuperseded(row);
+    if (!superseded.ok()) return superseded.status();
+    if (absl::Status status = DeleteNamed(engine, incarnation, superseded->names); !status.ok()) return status;
   }
   return absl::OkStatus();
 }

@@ -2,6 +2,7 @@
 
 #include <absl/strings/numbers.h>
 
+#include <algorithm>
 #include <random>
 
 #include "storage/record_codec.h"
@@ -66,6 +67,7 @@ std::string EncodeRow(const EpochState& state) {
   storage::EpochRow row;
   row.set_epoch(state.epoch);
   row.set_sessions(state.sessions);
+  row.set_rollback(state.rollback);
   if (state.origin) CopyTo(*state.origin, *row.mutable_origin());
   row.set_has_root(state.root.has_value());
   if (state.root) {
@@ -86,7 +88,7 @@ std::string EncodeRow(const EpochState& state) {
 absl::StatusOr<EpochState> DecodeEpoch(std::string_view bytes) {
   const absl::StatusOr<storage::EpochRow> row = DecodeRecord<storage::EpochRow>(bytes, "epoch row");
   if (!row.ok()) return row.status();
-  EpochState state{row->epoch(), row->sessions(), std::nullopt, std::nullopt};
+  EpochState state{row->epoch(), row->sessions(), std::nullopt, std::nullopt, row->rollback()};
   if (row->has_origin()) state.origin = VectorOf(row->origin());
   if (!row->has_root()) return state;
   if (row->bounds().corners_size() != 6) return absl::DataLossError("epoch row: its bounds are not six numbers");
@@ -193,6 +195,8 @@ std::string EncodeRow(const CommitRecord& commit) {
   row.set_attempt(AttemptOf(commit));
   row.set_time(commit.time);
   for (const TileKey tile : commit.touched_tiles) row.add_touched_tiles(static_cast<uint32_t>(tile));
+  row.set_rollback(commit.rollback);
+  row.set_rollback_before(commit.rollback_before);
   return EncodeRecord(row);
 }
 
@@ -202,19 +206,58 @@ absl::StatusOr<CommitRecord> DecodeCommit(std::string_view bytes) {
   CommitRecord commit{
       row->epoch(), row->session(), row->base_epoch(), AttemptName(row->session(), row->attempt()), row->time(), {}};
   for (const uint32_t tile : row->touched_tiles()) commit.touched_tiles.push_back(TileKey{tile});
+  commit.rollback = row->rollback();
+  commit.rollback_before = row->rollback_before();
   return commit;
 }
 
-std::string EncodeRow(const std::vector<ValueName>& names) {
+std::string EncodeRow(const Superseded& superseded) {
   storage::ValueNames row;
-  CopyTo(names, row);
+  CopyTo(superseded.names, row);
+  for (const uint64_t epoch : superseded.needed_by) row.add_needed_by(epoch);
   return EncodeRecord(row);
 }
 
-absl::StatusOr<std::vector<ValueName>> DecodeNames(std::string_view bytes) {
-  const absl::StatusOr<storage::ValueNames> row = DecodeRecord<storage::ValueNames>(bytes, "value names");
+absl::StatusOr<Superseded> DecodeSuperseded(std::string_view bytes) {
+  const absl::StatusOr<storage::ValueNames> row = DecodeRecord<storage::ValueNames>(bytes, "superseded row");
   if (!row.ok()) return row.status();
-  return NamesOf(*row);
+  absl::StatusOr<std::vector<ValueName>> names = NamesOf(*row);
+  if (!names.ok()) return names.status();
+  return Superseded{*std::move(names), {row->needed_by().begin(), row->needed_by().end()}};
+}
+
+std::string EncodeRow(const Tags& tags) {
+  storage::TagsRow row;
+  for (const Tag& tag : tags.tags) {
+    row.add_names(tag.name);
+    row.add_epochs(tag.epoch);
+    row.add_times(tag.time);
+  }
+  return EncodeRecord(row);
+}
+
+absl::StatusOr<Tags> DecodeTags(std::string_view bytes) {
+  const absl::StatusOr<storage::TagsRow> row = DecodeRecord<storage::TagsRow>(bytes, "tags row");
+  if (!row.ok()) return row.status();
+  if (row->epochs_size() != row->names_size() || row->times_size() != row->names_size()) {
+    return absl::DataLossError("tags row: the columns differ in length");
+  }
+  Tags tags;
+  for (int i = 0; i < row->names_size(); ++i) tags.tags.push_back({row->names(i), row->epochs(i), row->times(i)});
+  return tags;
+}
+
+std::string EncodeRow(const Withdrawn& withdrawn) {
+  storage::WithdrawnRow row;
+  row.set_epoch(withdrawn.epoch);
+  row.set_rollback(withdrawn.rollback);
+  return EncodeRecord(row);
+}
+
+absl::StatusOr<Withdrawn> DecodeWithdrawn(std::string_view bytes) {
+  const absl::StatusOr<storage::WithdrawnRow> row = DecodeRecord<storage::WithdrawnRow>(bytes, "withdrawn row");
+  if (!row.ok()) return row.status();
+  return Withdrawn{row->epoch(), row->rollback()};
 }
 
 std::string EncodeRow(uint64_t number) { return Hex(number); }
@@ -223,6 +266,10 @@ absl::StatusOr<uint64_t> DecodeNumber(std::string_view bytes) {
   uint64_t number = 0;
   if (bytes.size() == 16 && absl::SimpleHexAtoi(ToAbsl(bytes), &number)) return number;
   return absl::DataLossError("counter row: it is not 16 hexadecimal digits");
+}
+
+bool IsTagged(const Tags& tags, uint64_t epoch) {
+  return std::ranges::any_of(tags.tags, [epoch](const Tag& tag) { return tag.epoch == epoch; });
 }
 
 std::string AttemptName(std::string_view session, uint64_t attempt) { return Text(session, "/", Hex(attempt)); }

@@ -23,6 +23,24 @@ struct EpochState {
   uint64_t sessions = 0;  ///< merged up to here
   TreeRoot root;
   std::optional<Eigen::Vector3d> origin;
+  uint64_t rollback = 0;  ///< the newest rollback among the commits that made this state; 0: none
+};
+
+/// Values that no epoch from one on reaches.
+struct Superseded {
+  std::vector<ValueName> names;
+  std::vector<uint64_t> needed_by;  ///< tagged epochs that the collector found to reach each of them
+};
+
+/// The names of epochs.
+struct Tags {
+  std::vector<Tag> tags;  ///< by name
+};
+
+/// A commit that a rollback took out of the map.
+struct Withdrawn {
+  uint64_t epoch = 0;     ///< the commit's
+  uint64_t rollback = 0;  ///< the epoch that the rollback made
 };
 
 /// An attempt to commit that is under way.
@@ -76,7 +94,9 @@ std::string EncodeRow(const PurgeOrder& order);
 std::string EncodeRow(const Pin& pin);
 std::string EncodeRow(const LeaseEntry& lease);
 std::string EncodeRow(const CommitRecord& commit);
-std::string EncodeRow(const std::vector<ValueName>& names);
+std::string EncodeRow(const Superseded& superseded);
+std::string EncodeRow(const Tags& tags);
+std::string EncodeRow(const Withdrawn& withdrawn);
 /// Counters: 16 hexadecimal digits.
 std::string EncodeRow(uint64_t number);
 
@@ -89,7 +109,9 @@ absl::StatusOr<PurgeOrder> DecodePurge(std::string_view row);
 absl::StatusOr<Pin> DecodePin(std::string_view row);
 absl::StatusOr<LeaseEntry> DecodeLease(std::string_view row);
 absl::StatusOr<CommitRecord> DecodeCommit(std::string_view row);
-absl::StatusOr<std::vector<ValueName>> DecodeNames(std::string_view row);
+absl::StatusOr<Superseded> DecodeSuperseded(std::string_view row);
+absl::StatusOr<Tags> DecodeTags(std::string_view row);
+absl::StatusOr<Withdrawn> DecodeWithdrawn(std::string_view row);
 absl::StatusOr<uint64_t> DecodeNumber(std::string_view row);
 
 /// CommitRecord::attempt, and the 64 bits in it.
@@ -98,6 +120,8 @@ uint64_t AttemptOf(const CommitRecord& commit);
 
 /// Random bits that no other process draws.
 uint64_t Random64();
+
+bool IsTagged(const Tags& tags, uint64_t epoch);
 
 /// The incarnation that has the name now; NOT_FOUND without one.
 absl::StatusOr<uint64_t> FindIncarnation(const Engine& engine, std::string_view map);
@@ -108,6 +132,12 @@ struct StoredRow {
   std::string bytes;
   Value value;
 };
+
+/// The bytes of a row that may be absent, as a condition wants them.
+template <typename Value>
+std::optional<std::string> BytesOf(const std::optional<StoredRow<Value>>& row) {
+  return row ? std::optional(row->bytes) : std::nullopt;
+}
 
 /// The row decoded by `decode`, or nothing if it is absent.
 template <typename Value>

@@ -116,6 +116,10 @@ absl::StatusOr<CommitRecord> MapStore::Commit(std::string_view map, const Commit
   return CommitTo(*state_, map, request);
 }
 
+absl::StatusOr<RollbackOutcome> MapStore::Rollback(std::string_view map, uint64_t epoch) {
+  return RollBackTo(*state_, map, epoch);
+}
+
 absl::StatusOr<std::optional<CommitRecord>> MapStore::FindCommit(std::string_view map, std::string_view session) const {
   const absl::StatusOr<uint64_t> incarnation = FindIncarnation(state_->engine, map);
   if (!incarnation.ok()) return incarnation.status();

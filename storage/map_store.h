@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/geometry/progress.h"
 #include "core/voxels/block.h"
 #include "core/voxels/voxel_index.h"
 #include "storage/clock.h"
@@ -68,6 +69,10 @@ class Snapshot final {
   /// Keys of the blocks of a tile, in order.
   absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const;
 
+  /// Blocks that were written anew, made or deleted between two epochs of one map, in order; those with equal content
+  /// may be among them. INVALID_ARGUMENT if the other one is of another map.
+  absl::StatusOr<std::vector<BlockKey>> BlocksChangedSince(const Snapshot& before) const;
+
  private:
   std::unique_ptr<const State> state_;
 };
@@ -80,6 +85,38 @@ struct CommitRecord {
   std::string attempt;      ///< session and 64 random bits
   double time = 0;          ///< seconds since 1970 (UTC)
   std::vector<TileKey> touched_tiles;
+  bool rollback = false;         ///< brought the content of base_epoch back, and no session
+  uint64_t rollback_before = 0;  ///< of a rollback: the newest one that had made base_epoch; 0: none
+};
+
+/// A name for an epoch, which keeps it readable.
+struct Tag {
+  std::string name;
+  uint64_t epoch = 0;
+  double time = 0;  ///< when it was given, seconds since 1970 (UTC)
+};
+
+/// One epoch of a map's history.
+struct MapVersion {
+  CommitRecord commit;
+  bool readable = false;            ///< not collected
+  std::optional<MapTotals> totals;  ///< of a readable one
+  uint64_t sessions = 0;            ///< merged up to it; of a readable one
+  std::vector<std::string> tags;
+};
+
+/// What a check of a whole map found.
+struct MapVerification {
+  uint64_t epochs = 0, nodes = 0, blocks = 0, voxels = 0;  ///< read and checked; what epochs share counts once
+  uint64_t problem_count = 0;
+  std::vector<std::string> problems;  ///< the first hundred, in words
+};
+
+/// What a rollback did.
+struct RollbackOutcome {
+  CommitRecord commit;
+  std::vector<std::string> withdrawn;  ///< sessions that are no longer in the map
+  std::vector<std::string> revived;    ///< sessions that an earlier rollback had taken out, and this one brought back
 };
 
 /// A commit to be made. `blocks` computes the changed blocks against the head that it is given (an empty block
@@ -116,10 +153,38 @@ class MapStore final {
   absl::StatusOr<std::unique_ptr<Snapshot>> Open(std::string_view map, std::optional<uint64_t> epoch = {}) const;
 
   /// Commits exactly once: if the session is applied already, gives the record of then and calls nothing. ABORTED if
-  /// the lease moved on, the map was deleted, or another session gave the map an origin since the base epoch; errors of
+  /// the lease moved on, the map was deleted, another session gave the map an origin since the base epoch, or the base
+  /// epoch was rolled back; errors of
   /// `blocks` are passed on. On these errors nothing of it is in the map. UNKNOWN or DEADLINE_EXCEEDED if the engine
   /// gives no answer for long: call again to learn the outcome.
   absl::StatusOr<CommitRecord> Commit(std::string_view map, const CommitRequest& request);
+
+  /// A new epoch with the content, origin and sessions of a readable one. Nothing is lost: the epochs in between stay
+  /// as readable as they were. Sessions that came in between are no longer applied: they may be committed anew, and
+  /// SettleSessions (rolled_back_sessions.h) makes their records say so. A commit under way whose base epoch is no
+  /// longer among the ancestors of the head is ABORTED: it starts over on the new head. Errors as of Open.
+  absl::StatusOr<RollbackOutcome> Rollback(std::string_view map, uint64_t epoch);
+
+  /// Epochs of the map's history, newest first, from `newest` (nothing: the head) down, at most `limit`. Epoch 0, the
+  /// empty map, has a commit without session.
+  absl::StatusOr<std::vector<MapVersion>> Versions(std::string_view map, std::optional<uint64_t> newest,
+                                                   size_t limit) const;
+
+  /// By name.
+  absl::StatusOr<std::vector<Tag>> Tags(std::string_view map) const;
+  /// Names a readable epoch (nothing: the head). ALREADY_EXISTS if the name is given to another epoch, errors as of
+  /// Open, RESOURCE_EXHAUSTED beyond 1,000 tags.
+  absl::StatusOr<Tag> AddTag(std::string_view map, std::string_view name, std::optional<uint64_t> epoch);
+  /// NOT_FOUND without the tag.
+  absl::Status RemoveTag(std::string_view map, std::string_view name);
+
+  /// Reads everything that the map's readable epochs reach, past the caches, and checks it: checksums, that every value
+  /// is there, that the sums in the tree are those of the blocks, `block` (what else is to hold of a block, an error
+  /// says what does not), and that nothing is stored in the map's tiles that no epoch reaches and no row names for
+  /// collection. May run while the map is served. CANCELLED when `progress` says stop.
+  absl::StatusOr<MapVerification> Verify(std::string_view map,
+                                         const std::function<absl::Status(const Block&)>& block = {},
+                                         const Progress& progress = {}) const;
 
   /// The record of a session's commit, if it is applied.
   absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map, std::string_view session) const;

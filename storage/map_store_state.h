@@ -43,6 +43,12 @@ absl::StatusOr<std::unique_ptr<const Snapshot::State>> OpenState(MapStore::State
 /// See MapStore::Commit.
 absl::StatusOr<CommitRecord> CommitTo(MapStore::State& store, std::string_view map, const CommitRequest& request);
 
+/// See MapStore::Rollback.
+absl::StatusOr<RollbackOutcome> RollBackTo(MapStore::State& store, std::string_view map, uint64_t epoch);
+
+/// The map's tags; none if it never had one.
+absl::StatusOr<Tags> ReadTags(const Engine& engine, uint64_t incarnation);
+
 /// The record of the commit that applied the session to this incarnation, if one did.
 absl::StatusOr<std::optional<CommitRecord>> FindCommitIn(const Engine& engine, uint64_t incarnation,
                                                          std::string_view session);

@@ -83,7 +83,81 @@ class Editor {
   TreeEdit edit_;
 };
 
+class Comparer {
+ public:
+  explicit Comparer(const MapValues& values) : values_(values) {}
+
+  /// Of the values at one place, either of which may be missing. Level -1 is a block.
+  absl::Status Compare(int level, uint64_t prefix, const TreeChild* before, const TreeChild* after) {
+    if (before != nullptr && after != nullptr && before->written == after->written) return absl::OkStatus();
+    const ValueKind kind = level < 0 ? ValueKind::kBlock : static_cast<ValueKind>(level);
+    if (before != nullptr) difference_.only_before.push_back({kind, prefix, before->written});
+    if (after != nullptr) difference_.only_after.push_back({kind, prefix, after->written});
+    if (level < 0) {
+      difference_.blocks.push_back(BlockKey{prefix});
+      return absl::OkStatus();
+    }
+    const absl::StatusOr<NodePointer> old_node = Read(kind, prefix, before);
+    if (!old_node.ok()) return old_node.status();
+    const absl::StatusOr<NodePointer> new_node = Read(kind, prefix, after);
+    if (!new_node.ok()) return new_node.status();
+    return CompareChildren(level, prefix, **old_node, **new_node);
+  }
+
+  TreeDifference Take() { return std::move(difference_); }
+
+ private:
+  using NodePointer = std::shared_ptr<const TreeNode>;
+
+  absl::StatusOr<NodePointer> Read(ValueKind kind, uint64_t prefix, const TreeChild* entry) const {
+    if (entry == nullptr) return std::make_shared<const TreeNode>();
+    return values_.ReadNode({kind, prefix, entry->written});
+  }
+
+  absl::Status CompareChildren(int level, uint64_t prefix, const TreeNode& before, const TreeNode& after) {
+    const int bits = level == 0 ? kLeafBits : kDirectoryBits;
+    auto a = before.children.begin();
+    auto b = after.children.begin();
+    while (a != before.children.end() || b != after.children.end()) {
+      const bool in_a = b == after.children.end() || (a != before.children.end() && a->slot <= b->slot);
+      const bool in_b = a == before.children.end() || (b != after.children.end() && b->slot <= a->slot);
+      const uint64_t below = prefix << bits | (in_a ? a->slot : b->slot);
+      absl::Status status = Compare(level - 1, below, in_a ? &*a : nullptr, in_b ? &*b : nullptr);
+      if (!status.ok()) return status;
+      if (in_a) ++a;
+      if (in_b) ++b;
+    }
+    return absl::OkStatus();
+  }
+
+  const MapValues& values_;
+  TreeDifference difference_;
+};
+
 }  // namespace
+
+absl::StatusOr<TreeDifference> CompareTrees(const MapValues& values, const TreeRoot& before, const TreeRoot& after) {
+  if (!before && !after) return TreeDifference();
+  Comparer comparer(values);
+  const absl::Status compared = comparer.Compare(kRootLevel, 0, before ? &*before : nullptr, after ? &*after : nullptr);
+  if (!compared.ok()) return compared;
+  return comparer.Take();
+}
+
+absl::StatusOr<bool> Reaches(const MapValues& values, const TreeRoot& root, const ValueName& name) {
+  if (!root) return false;
+  const int wanted = name.kind == ValueKind::kBlock ? -1 : static_cast<int>(name.kind);
+  const BlockKey key{wanted < 0 ? name.place : name.place << BitsBelow(wanted)};
+  WriteId written = root->written;
+  for (int level = kRootLevel; level > wanted; --level) {
+    const auto node = values.ReadNode({static_cast<ValueKind>(level), PrefixAt(level, key), written});
+    if (!node.ok()) return node.status();
+    const TreeChild* child = FindChild(**node, SlotAt(level, key));
+    if (child == nullptr) return false;
+    written = child->written;
+  }
+  return written == name.written;
+}
 
 absl::StatusOr<std::shared_ptr<const TreeNode>> FindLeaf(const MapValues& values, const TreeRoot& root, TileKey tile) {
   if (!root) return nullptr;

@@ -28,6 +28,18 @@ absl::StatusOr<std::shared_ptr<const TreeNode>> FindLeaf(const MapValues& values
 absl::Status VisitLeaves(const MapValues& values, const TreeRoot& root, const std::optional<BlockRange>& range,
                          const std::function<absl::Status(TileKey tile, const TreeNode& leaf)>& leaf);
 
+/// How two trees of one map differ.
+struct TreeDifference {
+  std::vector<ValueName> only_before, only_after;  ///< nodes and blocks
+  std::vector<BlockKey> blocks;                    ///< in one only, or with another value; in order
+};
+
+/// Reads the nodes that differ alone: what both share is passed over.
+absl::StatusOr<TreeDifference> CompareTrees(const MapValues& values, const TreeRoot& before, const TreeRoot& after);
+
+/// Whether the tree reaches that value.
+absl::StatusOr<bool> Reaches(const MapValues& values, const TreeRoot& root, const ValueName& name);
+
 /// A block that is to be in the tree, or to leave it (no entry).
 struct TreeChange {
   BlockKey key{};

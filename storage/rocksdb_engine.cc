@@ -14,7 +14,6 @@
 
 #include <array>
 #include <atomic>
-#include <limits>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -24,7 +23,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr size_t kMaxNameLength = std::numeric_limits<uint16_t>::max();
+constexpr size_t kMaxNameLength = 1000;
 constexpr size_t kMutexes = 64;
 
 bool IsFull(const rocksdb::Status& status) {

@@ -82,7 +82,7 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   const absl::StatusOr<storage::SessionRow> row = DecodeRecord<storage::SessionRow>(bytes, "session row");
   if (!row.ok()) return row.status();
   if (row->state() < static_cast<uint32_t>(SessionState::kUploading) ||
-      row->state() > static_cast<uint32_t>(SessionState::kFailed)) {
+      row->state() > static_cast<uint32_t>(SessionState::kRolledBack)) {
     return absl::DataLossError(Text("session row: unknown state ", row->state()));
   }
   StoredSession session;

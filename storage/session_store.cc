@@ -45,6 +45,8 @@ std::string_view NameOf(SessionState state) {
       return "refused";
     case SessionState::kFailed:
       return "failed";
+    case SessionState::kRolledBack:
+      return "rolled back";
   }
   return "unknown";
 }
@@ -179,6 +181,34 @@ absl::Status DeleteSession(Engine& engine, std::string_view map, std::string_vie
   return FinishCleanup(engine, map, cleanup);
 }
 
+/// A session whose scans are gone takes them again. Its values get another name, so that a deletion of the earlier ones
+/// that is still under way cannot meet them.
+absl::StatusOr<SessionRecord> BeginAgain(Engine& engine, std::string_view map, std::string_view id) {
+  SessionCleanup cleanup;
+  absl::StatusOr<StoredSession> changed =
+      ChangeSession(engine, map, id, [&](const StoredSession& found) -> absl::StatusOr<Change> {
+        if (found.record.state != SessionState::kRolledBack || !found.record.scans_deleted) {
+          return absl::AbortedError(Text("session ", id, " is ", NameOf(found.record.state)));
+        }
+        cleanup = {found.incarnation, false, found.scan_count};
+        Change change{found, {{CleanupRowKey(cleanup), EncodeCleanup(cleanup)}}};
+        StoredSession& next = change.next;
+        next.incarnation = Random64();
+        next.poses = 0;
+        next.pose_count = 0;
+        next.record.state = SessionState::kUploading;
+        next.record.durable_scans = 0;
+        next.record.scans_deleted = false;
+        next.record.ended = 0;
+        next.record.reason.clear();
+        next.record.report = {};
+        return change;
+      });
+  if (!changed.ok()) return changed.status();
+  if (absl::Status status = FinishCleanup(engine, map, cleanup); !status.ok()) return status;
+  return FindWhole(engine, map, id);
+}
+
 /// Up to `limit` names (key without the prefix) of rows after `after`.
 absl::StatusOr<std::vector<std::string>> NamesAfter(const Engine& engine, std::string_view map, std::string_view prefix,
                                                     std::string_view after, size_t limit) {
@@ -208,7 +238,8 @@ absl::StatusOr<SessionRecord> SessionStore::Begin(const SessionRecord& session) 
     absl::StatusOr<SessionRecord> existing = FindWhole(engine_, session.map, session.id);
     if (existing.ok()) {
       if (absl::Status status = CompareContent(*existing, session); !status.ok()) return status;
-      return existing;
+      if (existing->state != SessionState::kRolledBack || !existing->scans_deleted) return existing;
+      return BeginAgain(engine_, session.map, session.id);
     }
     if (!absl::IsNotFound(existing.status())) return existing;
     StoredSession stored{session, Random64(), static_cast<uint32_t>(session.scan_crc32c.size())};
@@ -347,6 +378,29 @@ absl::Status SessionStore::Update(const SessionRecord& session, SessionState exp
                          return change;
                        })
       .status();
+}
+
+absl::StatusOr<SessionRecord> SessionStore::Requeue(std::string_view map, std::string_view id) {
+  if (absl::Status status = RememberMap(engine_, map); !status.ok()) return status;
+  const absl::StatusOr<StoredSession> changed =
+      ChangeSession(engine_, map, id, [&](const StoredSession& found) -> absl::StatusOr<Change> {
+        const SessionState state = found.record.state;
+        if (state != SessionState::kRefused && state != SessionState::kFailed && state != SessionState::kRolledBack) {
+          return absl::FailedPreconditionError(Text("session ", id, " is ", NameOf(state), ": nothing to try again"));
+        }
+        if (found.record.scans_deleted) {
+          return absl::FailedPreconditionError(Text("session ", id, ": its scans were deleted, upload it again"));
+        }
+        Change change{found, {{ActiveRow(found.record), std::string()}}};
+        SessionRecord& next = change.next.record;
+        next.state = SessionState::kQueued;
+        next.ended = 0;
+        next.reason.clear();
+        next.report = {};
+        return change;
+      });
+  if (!changed.ok()) return changed.status();
+  return FindWhole(engine_, map, id);
 }
 
 absl::Status SessionStore::WritePoses(std::string_view map, std::string_view id, std::span<const Pose> poses) {

@@ -18,7 +18,8 @@
 
 namespace mapkeep {
 
-enum class SessionState : uint8_t { kUploading = 1, kQueued, kRunning, kCommitted, kRefused, kFailed };
+/// Rolled back: it was committed, and a rollback of the map took it out again.
+enum class SessionState : uint8_t { kUploading = 1, kQueued, kRunning, kCommitted, kRefused, kFailed, kRolledBack };
 
 /// Whether a session in this state is over.
 constexpr bool HasEnded(SessionState state) { return state >= SessionState::kCommitted; }
@@ -65,7 +66,7 @@ class SessionStore final {
   explicit SessionStore(Engine& engine);
 
   /// Makes the session in state uploading, or gives the one that exists with the same content. ALREADY_EXISTS, naming
-  /// the first difference, if its scans differ.
+  /// the first difference, if its scans differ. One that was rolled back and whose scans are gone is uploading again.
   absl::StatusOr<SessionRecord> Begin(const SessionRecord& session);
   /// NOT_FOUND.
   absl::StatusOr<SessionRecord> Find(std::string_view map, std::string_view id) const;
@@ -88,6 +89,11 @@ class SessionStore final {
   /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
   /// itself is not taken from `session`: content, durable_scans, scans_deleted, created.
   absl::Status Update(const SessionRecord& session, SessionState expected);
+
+  /// Takes a session that was refused, failed or was rolled back back to state queued, without reason and report, and
+  /// gives it as it is then. FAILED_PRECONDITION in any other state, and if its scans were deleted: begin it again,
+  /// then.
+  absl::StatusOr<SessionRecord> Requeue(std::string_view map, std::string_view id);
 
   /// Aligned poses, one a scan, durable when it returns.
   absl::Status WritePoses(std::string_view map, std::string_view id, std::span<const Pose> poses);

@@ -30,6 +30,13 @@ absl::StatusOr<StoredRow<EpochState>> ReadEpoch(const Engine& engine, uint64_t i
   const auto oldest = ReadRow(engine, partition, kOldestRow, DecodeNumber);
   if (!oldest.ok()) return oldest.status();
   if (*oldest && *epoch < (*oldest)->value) {
+    const auto tags = ReadRow(engine, partition, kTagsRow, DecodeTags);
+    if (!tags.ok()) return tags.status();
+    if (*tags && IsTagged((*tags)->value, *epoch)) {
+      auto root = ReadRow(engine, partition, RootRow(*epoch), DecodeEpoch);
+      if (!root.ok()) return root.status();
+      if (*root) return **std::move(root);
+    }
     return absl::FailedPreconditionError(
         Text("epoch ", *epoch, " is collected: the oldest one kept is ", (*oldest)->value));
   }
@@ -112,6 +119,16 @@ absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksOf(TileKey tile) const {
     blocks.push_back(BlockKey{(*leaf)->prefix << kLeafBits | child.slot});
   }
   return blocks;
+}
+
+absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksChangedSince(const Snapshot& before) const {
+  const State& old = *before.state_;
+  if (old.map.incarnation != state_->map.incarnation) {
+    return absl::InvalidArgumentError(Text("snapshots of two maps, ", old.map.name, " and ", state_->map.name));
+  }
+  absl::StatusOr<TreeDifference> difference = CompareTrees(state_->values, old.at.root, state_->at.root);
+  if (!difference.ok()) return Explain(old, Explain(*state_, difference.status()));
+  return std::move(difference->blocks);
 }
 
 }  // namespace mapkeep

@@ -10,7 +10,7 @@ namespace mapkeep {
 
 /// A session as the server tells of it; see proto/mapkeep/v1/session_service.proto.
 struct SessionInfo {
-  enum class State : uint8_t { kUnknown, kUploading, kQueued, kRunning, kCommitted, kRefused, kFailed };
+  enum class State : uint8_t { kUnknown, kUploading, kQueued, kRunning, kCommitted, kRefused, kFailed, kRolledBack };
 
   /// One registration window (eq. 1).
   struct Window {
@@ -51,7 +51,7 @@ struct SessionInfo {
   std::optional<Report> report;
 };
 
-/// "uploading", "queued", "running", "committed", "refused" or "failed".
+/// "uploading", "queued", "running", "committed", "refused", "failed" or "rolled back".
 std::string_view NameOf(SessionInfo::State state);
 
 /// Whether a session in this state is over.

@@ -25,6 +25,8 @@ SessionInfo::State FromWire(v1::SessionState state) {
       return SessionInfo::State::kRefused;
     case v1::SESSION_STATE_FAILED:
       return SessionInfo::State::kFailed;
+    case v1::SESSION_STATE_ROLLED_BACK:
+      return SessionInfo::State::kRolledBack;
     default:
       return SessionInfo::State::kUnknown;
   }
@@ -72,6 +74,8 @@ std::string_view NameOf(SessionInfo::State state) {
       return "refused";
     case SessionInfo::State::kFailed:
       return "failed";
+    case SessionInfo::State::kRolledBack:
+      return "rolled back";
     case SessionInfo::State::kUnknown:
       break;
   }

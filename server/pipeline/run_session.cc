@@ -23,8 +23,9 @@ bool IsRefusal(const absl::Status& status) { return absl::IsInvalidArgument(stat
 // One run of one session.
 class SessionRun {
  public:
-  SessionRun(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence)
-      : stores_(stores), parameters_(parameters), job_(job), fence_(fence) {}
+  SessionRun(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
+             std::optional<uint64_t> base_epoch)
+      : stores_(stores), parameters_(parameters), job_(job), fence_(fence), base_epoch_(base_epoch) {}
 
   absl::Status Run() {
     absl::StatusOr<SessionRecord> record = stores_.sessions.Find(job_.map, job_.session);
@@ -46,7 +47,7 @@ class SessionRun {
     record_.state = SessionState::kRunning;
     record_.report = {};
     if (absl::Status status = Save(before); !status.ok()) return status;
-    auto base = stores_.maps.Open(job_.map);
+    auto base = stores_.maps.Open(job_.map, base_epoch_);
     if (!base.ok()) return base.status();
     base_ = *std::move(base);
     record_.report.base_epoch = base_->epoch();
@@ -194,6 +195,7 @@ class SessionRun {
   const StageParameters& parameters_;
   Job& job_;
   const uint64_t fence_;
+  const std::optional<uint64_t> base_epoch_;  ///< nothing: the newest
   SessionRecord record_;
   std::unique_ptr<Snapshot> base_;
   ScanSource scans_;
@@ -204,8 +206,9 @@ class SessionRun {
 
 }  // namespace
 
-absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence) {
-  return SessionRun(stores, parameters, job, fence).Run();
+absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
+                        std::optional<uint64_t> base_epoch) {
+  return SessionRun(stores, parameters, job, fence, base_epoch).Run();
 }
 
 uint32_t MinutesSince2000(double seconds) {

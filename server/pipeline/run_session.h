@@ -3,6 +3,7 @@
 #include <absl/status/status.h>
 
 #include <cstdint>
+#include <optional>
 
 #include "core/geometry/progress.h"
 #include "server/config.h"
@@ -25,8 +26,10 @@ struct PipelineStores {
 /// Takes one session through all stages on the calling oneTBB arena and writes its end (committed, refused, failed)
 /// into its record. Safe to run again at any point where an earlier run was cut off: what is committed is found and
 /// only concluded. CANCELLED if `job` was told to stop, ABORTED if the lease moved on: then the record is left as it
-/// is. `fence` is that of the job's lease.
-absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence);
+/// is. `fence` is that of the job's lease. Aligns to the newest epoch, or
+/// to `base_epoch`: for replays.
+absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
+                        std::optional<uint64_t> base_epoch = {});
 
 /// Minutes since 2000-01-01 UTC of seconds since 1970; 0 for what came before.
 uint32_t MinutesSince2000(double seconds);

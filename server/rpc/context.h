@@ -13,6 +13,7 @@ namespace mapkeep {
 
 /// What the services work with; all of it outlives them.
 struct ServiceContext {
+  Engine& engine;
   MapStore& maps;
   SessionStore& sessions;
   SessionFeed& feed;

@@ -27,6 +27,8 @@ v1::SessionState ToProto(SessionState state) {
       return v1::SESSION_STATE_REFUSED;
     case SessionState::kFailed:
       return v1::SESSION_STATE_FAILED;
+    case SessionState::kRolledBack:
+      return v1::SESSION_STATE_ROLLED_BACK;
   }
   return v1::SESSION_STATE_UNSPECIFIED;
 }

@@ -20,11 +20,23 @@ class MapService final : public v1::MapService::CallbackService {
                                       v1::DeleteMapResponse* response) override;
   grpc::ServerUnaryReactor* QueryVoxel(grpc::CallbackServerContext* call, const v1::QueryVoxelRequest* request,
                                        v1::QueryVoxelResponse* response) override;
+  grpc::ServerUnaryReactor* ListVersions(grpc::CallbackServerContext* call, const v1::ListVersionsRequest* request,
+                                         v1::ListVersionsResponse* response) override;
+  grpc::ServerUnaryReactor* AddTag(grpc::CallbackServerContext* call, const v1::AddTagRequest* request,
+                                   v1::AddTagResponse* response) override;
+  grpc::ServerUnaryReactor* RemoveTag(grpc::CallbackServerContext* call, const v1::RemoveTagRequest* request,
+                                      v1::RemoveTagResponse* response) override;
+  grpc::ServerUnaryReactor* RollBackMap(grpc::CallbackServerContext* call, const v1::RollBackMapRequest* request,
+                                        v1::RollBackMapResponse* response) override;
+  grpc::ServerWriteReactor<v1::CompareEpochsResponse>* CompareEpochs(grpc::CallbackServerContext* call,
+                                                                     const v1::CompareEpochsRequest* request) override;
 
  private:
   absl::Status Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response);
   absl::Status List(const v1::ListMapsRequest& request, v1::ListMapsResponse& response);
   absl::Status Delete(const v1::DeleteMapRequest& request);
+  absl::Status Versions(const v1::ListVersionsRequest& request, v1::ListVersionsResponse& response);
+  absl::Status RollBack(const v1::RollBackMapRequest& request, v1::RollBackMapResponse& response);
   absl::Status Query(const v1::QueryVoxelRequest& request, v1::QueryVoxelResponse& response);
 
   const ServiceContext context_;

@@ -4,6 +4,7 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 
+#include "server/rpc/admin_service.h"
 #include "server/rpc/map_service.h"
 #include "server/rpc/session_service.h"
 #include "server/rpc/tile_service.h"
@@ -18,10 +19,11 @@ constexpr int kLargestMessage = 8 << 20;
 
 struct RpcServer::Services {
   explicit Services(const ServiceContext& given)
-      : context(given), maps(given), sessions(given, uploads), tiles(given) {}
+      : context(given), admin(given), maps(given), sessions(given, uploads), tiles(given) {}
 
   const ServiceContext context;
   UploadSlots uploads;
+  AdminService admin;
   MapService maps;
   SessionService sessions;
   TileService tiles;
@@ -46,6 +48,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
   builder.AddListeningPort(ToString(endpoint), grpc::InsecureServerCredentials(), &rpc->port_);
+  builder.RegisterService(&services.admin);
   builder.RegisterService(&services.maps);
   builder.RegisterService(&services.sessions);
   builder.RegisterService(&services.tiles);

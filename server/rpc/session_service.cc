@@ -100,7 +100,7 @@ absl::Status SessionService::Begin(const v1::BeginSessionRequest& request, v1::B
   SessionRecord record{.map = request.map(),
                        .id = request.id(),
                        .robot = request.robot(),
-                       .keep_scans = request.keep_scans(),
+                       .keep_scans = request.keep_scans() || context_.config.history.keep_scans,
                        .created = SystemSeconds()};
   record.scan_crc32c.assign(request.scan_crc32c().begin(), request.scan_crc32c().end());
   const auto session = context_.sessions.Begin(record);

@@ -33,6 +33,7 @@ class TemporaryDirectory final {
 struct EngineKind {
   std::string name;
   std::function<absl::StatusOr<std::unique_ptr<Engine>>(const std::string& directory)> open;
+  bool has_checkpoints = true;
 };
 
 inline EngineKind RocksDbKind() {

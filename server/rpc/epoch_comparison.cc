@@ -1,0 +1,106 @@
+#include "server/rpc/epoch_comparison.h"
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "server/names.h"
+#include "server/rpc/convert.h"
+#include "server/rpc/grpc_status.h"
+#include "storage/map_diff.h"
+
+namespace mapkeep {
+namespace {
+
+using Reactor = grpc::ServerWriteReactor<v1::CompareEpochsResponse>;
+
+// Alternates between a step on the pool, which fills the next message, and its write; never both.
+class EpochComparison final : public Reactor {
+ public:
+  EpochComparison(const ServiceContext& context, const v1::CompareEpochsRequest& request)
+      : context_(context), request_(request) {
+    context_.pool.Submit([this] { Open(); });
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (ok && !cancelled_) {
+      context_.pool.Submit([this] { Next(); });
+    } else {
+      Finish(grpc::Status(grpc::StatusCode::CANCELLED, "the client went away"));
+    }
+  }
+  void OnCancel() override { cancelled_ = true; }
+  void OnDone() override { delete this; }
+
+ private:
+  void Open() {
+    if (absl::Status status = OpenSnapshots(); !status.ok()) {
+      Finish(ToGrpc(status));
+      return;
+    }
+    const MapRecord& map = after_->map();
+    v1::TileStreamHeader& header = *response_.mutable_header();
+    header.set_epoch(after_->epoch());
+    header.set_voxel_size(map.voxel_size);
+    if (map.origin) *header.mutable_origin() = ToProto(*map.origin);
+    header.set_crs(map.crs);
+    StartWrite(&response_);
+  }
+
+  absl::Status OpenSnapshots() {
+    if (absl::Status status = CheckName("map name", request_.map()); !status.ok()) return status;
+    auto before = context_.maps.Open(request_.map(), request_.before());
+    if (!before.ok()) return before.status();
+    before_ = *std::move(before);
+    auto after =
+        context_.maps.Open(request_.map(), request_.has_after() ? std::optional(request_.after()) : std::nullopt);
+    if (!after.ok()) return after.status();
+    after_ = *std::move(after);
+    auto blocks = after_->BlocksChangedSince(*before_);
+    if (!blocks.ok()) return blocks.status();
+    blocks_ = *std::move(blocks);
+    return absl::OkStatus();
+  }
+
+  void Next() {
+    while (!cancelled_) {
+      if (next_ == blocks_.size()) {
+        Finish(grpc::Status::OK);
+        return;
+      }
+      const auto change = ChangeOf(*before_, *after_, blocks_[next_++]);
+      if (!change.ok()) {
+        Finish(ToGrpc(change.status()));
+        return;
+      }
+      auto appeared = ToProto(change->appeared, std::nullopt, true);
+      auto disappeared = ToProto(change->disappeared, std::nullopt, true);
+      if (!appeared && !disappeared) continue;
+      v1::BlockChange& message = *response_.mutable_change();
+      message.Clear();
+      if (appeared) *message.mutable_appeared() = *std::move(appeared);
+      if (disappeared) *message.mutable_disappeared() = *std::move(disappeared);
+      StartWrite(&response_);
+      return;
+    }
+    Finish(grpc::Status(grpc::StatusCode::CANCELLED, "the client went away"));
+  }
+
+  const ServiceContext context_;
+  const v1::CompareEpochsRequest request_;
+  std::atomic<bool> cancelled_ = false;
+  v1::CompareEpochsResponse response_;
+  std::unique_ptr<Snapshot> before_, after_;
+  std::vector<BlockKey> blocks_;
+  size_t next_ = 0;
+};
+
+}  // namespace
+
+Reactor* NewEpochComparison(const ServiceContext& context, const v1::CompareEpochsRequest& request) {
+  return new EpochComparison(context, request);
+}
+
+}  // namespace mapkeep
