@@ -10,6 +10,8 @@
 #include <system_error>
 #include <utility>
 
+#include "core/dor/pose_refinement.h"
+
 namespace mapkeep {
 namespace {
 
@@ -48,7 +50,7 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.sub_voxels = false;
   p.exposure.neighbour_hits = false;
   p.exposure.margin_by_range = 0;
-  p.restore = p.verify_ankles = p.cluster = p.inherit = false;
+  p.restore = p.verify_ankles = p.cluster = p.inherit = p.departures = p.surround = p.refine_poses = false;
   std::vector<AblationStep> steps;
   const auto add = [&](const char* name) { steps.push_back({name, p}); };
   const DorParameters all;
@@ -67,6 +69,12 @@ std::vector<AblationStep> AblationSteps() {
   add("+ sub-voxels");
   p.inherit = all.inherit;
   add("+ inherit");
+  p.departures = all.departures;
+  add("+ departures");
+  p.surround = all.surround;
+  add("+ surround");
+  p.refine_poses = all.refine_poses;
+  add("+ pose refinement");
   return steps;
 }
 
@@ -79,7 +87,13 @@ absl::StatusOr<std::vector<AblationRow>> RunAblation(std::span<const Scan> scans
     const double done = static_cast<double>(rows.size()) / static_cast<double>(steps.size());
     if (progress && !progress(step.name, done)) return absl::CancelledError("stopped");
     const absl::Time begin = absl::Now();
-    const absl::StatusOr<Removal> removal = RemoveDynamicObjects(source, poses, {}, step.parameters);
+    std::vector<Pose> refined(poses.begin(), poses.end());
+    if (step.parameters.refine_poses) {
+      absl::StatusOr<std::vector<Pose>> better = RefinePoses(source, poses, step.parameters.refinement);
+      if (!better.ok()) return better.status();
+      refined = *std::move(better);
+    }
+    const absl::StatusOr<Removal> removal = RemoveDynamicObjects(source, refined, {}, step.parameters);
     if (!removal.ok()) return removal.status();
     std::vector<std::vector<PointLabel>> labels(scans.size());
     tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) { labels[i] = removal->Label(i, scans[i]); });

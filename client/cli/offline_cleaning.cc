@@ -17,6 +17,7 @@
 
 #include "client/exporters/output_file.h"
 #include "client/exporters/point_file.h"
+#include "core/dor/pose_refinement.h"
 #include "core/dor/remover.h"
 
 namespace mapkeep {
@@ -213,9 +214,22 @@ absl::StatusOr<CleaningReport> CleanSession(const SessionDirectory& directory, c
   const Eigen::Vector3d origin = OriginFor(directory.poses.front());
   std::vector<Pose> poses = directory.poses;
   for (Pose& pose : poses) pose.pretranslate(-origin);
+  SessionDirectory refined = directory;
   absl::StatusOr<Removal> removal = absl::InternalError("not run");
   {
     const Stopwatch watch(&report.remove_seconds);
+    if (DorParameters().refine_poses) {
+      absl::StatusOr<std::vector<Pose>> better =
+          RefinePoses(scans.Source(), poses, DorParameters().refinement,
+                      {[&](double fraction) { return progress("refine", fraction); }});
+      if (!better.ok()) return better.status();
+      for (size_t i = 0; i < poses.size(); ++i) {
+        if (poses[i].isApprox((*better)[i], 0)) continue;
+        poses[i] = (*better)[i];
+        refined.poses[i] = poses[i];
+        refined.poses[i].pretranslate(origin);
+      }
+    }
     removal = RemoveDynamicObjects(scans.Source(), poses, {}, DorParameters(),
                                    [&](double fraction) { return progress("remove", fraction); });
     if (!removal.ok()) return removal.status();
@@ -226,7 +240,7 @@ absl::StatusOr<CleaningReport> CleanSession(const SessionDirectory& directory, c
   report.ground_voxels = removal->report().ground_voxels;
 
   const CoordinateType coordinates = origin.isZero() ? CoordinateType::kFloat32 : CoordinateType::kFloat64;
-  const absl::Status written = WriteResults(directory, scans, *removal, coordinates, out, progress, &report);
+  const absl::Status written = WriteResults(refined, scans, *removal, coordinates, out, progress, &report);
   if (!written.ok()) return written;
   return report;
 }

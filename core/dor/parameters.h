@@ -20,12 +20,26 @@ struct ExposureParameters {
   double margin_by_range = 0.02;  ///< the last part of a ray exposes nothing: metres a metre of its length
 };
 
+/// How the poses of the scans are refined before removal (RefinePoses).
+struct PoseRefinementParameters {
+  double cell = 0.5;            ///< metres: edge of the cells in which the session's surface is taken for a plane
+  int points = 4096;            ///< of a scan, at most
+  int rounds = 3;               ///< times that the planes are taken from the poses of the round before
+  double robust_width = 0.1;    ///< metres off its plane at which a point counts a quarter
+  double max_correction = 0.3;  ///< metres; a scan that would move farther keeps its pose
+  double max_rotation = 0.02;   ///< radians, likewise
+  double min_gain = 0.15;  ///< share by which the points must come closer to their planes, or all poses stay as given
+};
+
 /// Every parameter of dynamic object removal, with the symbol of the paper's section 3.3.
 struct DorParameters {
   double voxel_size = 0.2;            ///< metres
   int window_radius = 0;              ///< k of eq. 3, scans to either side; 0: the whole session
   double eta = 1e-3;                  ///< eta of eq. 4, scans
   double stability_threshold = 0.35;  ///< R below it: a dynamic candidate
+
+  bool refine_poses = true;  ///< whoever has the session removed refines its poses first
+  PoseRefinementParameters refinement;
 
   ExposureParameters exposure;
 

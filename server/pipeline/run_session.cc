@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "core/dor/pose_refinement.h"
 #include "server/log.h"
 #include "server/pipeline/stages.h"
 #include "storage/clock.h"
@@ -101,7 +102,12 @@ class SessionRun {
   }
 
   absl::StatusOr<Removal> Clean() {
-    auto removal = Stage<Removal>("clean", [&](const Progress& progress) {
+    auto removal = Stage<Removal>("clean", [&](const Progress& progress) -> absl::StatusOr<Removal> {
+      if (parameters_.clean.refine_poses) {
+        auto refined = RefinePoses(scans_, poses_, parameters_.clean.refinement, {progress, 0, 0});
+        if (!refined.ok()) return refined.status();
+        poses_ = *std::move(refined);
+      }
       return CleanAgainstMap(*base_, scans_, outline_, poses_, parameters_.clean, progress);
     });
     if (removal.ok()) {

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "core/dor/pose_refinement.h"
 #include "core/dor/remover.h"
 #include "tests/bench/dor_options.h"
 #include "tests/bench/removal_scenes.h"
@@ -117,7 +118,10 @@ class Suite {
     const ScanSource source = {truth->size(), [&](size_t i) -> absl::StatusOr<Scan> { return (*truth)[i].scan; }};
     const std::vector<Pose>& poses = options_.exact_poses ? session->truth : session->odometry;
     const auto begin = std::chrono::steady_clock::now();
-    const absl::StatusOr<Removal> removal = RemoveDynamicObjects(source, poses, {}, parameters);
+    absl::StatusOr<std::vector<Pose>> refined = poses;
+    if (parameters.refine_poses) refined = RefinePoses(source, poses, parameters.refinement);
+    if (!refined.ok()) return refined.status();
+    const absl::StatusOr<Removal> removal = RemoveDynamicObjects(source, *refined, {}, parameters);
     const auto end = std::chrono::steady_clock::now();
     if (!removal.ok()) return removal.status();
     std::vector<std::vector<PointLabel>> labels(truth->size());
