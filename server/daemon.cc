@@ -6,6 +6,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <shared_mutex>
@@ -112,7 +113,10 @@ struct Daemon::State {
         RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, map_lifetimes});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
-    housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history);
+    std::function<absl::Status()> take_over;
+    if (config.engine.choice == EngineChoice::kRados) take_over = [this] { return pipeline->ResumeUnfinished(); };
+    housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history, std::move(take_over),
+                                                  config.limits.lease_seconds);
     return pipeline->ResumeUnfinished();
   }
 };

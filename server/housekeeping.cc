@@ -1,7 +1,9 @@
 #include "server/housekeeping.h"
 
+#include <algorithm>
 #include <chrono>
 #include <string>
+#include <utility>
 
 #include "server/log.h"
 #include "storage/map_copy.h"
@@ -46,19 +48,34 @@ GarbageOptions GarbageOptionsOf(const History& history) {
           .values_per_second = static_cast<double>(history.values_per_second)};
 }
 
-Housekeeping::Housekeeping(Engine& engine, SessionStore& sessions, const History& history)
+Housekeeping::Housekeeping(Engine& engine, SessionStore& sessions, const History& history,
+                           std::function<absl::Status()> take_over, int take_over_seconds)
     : engine_(engine),
       sessions_(sessions),
       history_(history),
+      take_over_(std::move(take_over)),
+      take_over_seconds_(take_over_ ? take_over_seconds : 0),
       thread_([this](const std::stop_token& stop) { Work(stop); }) {}
 
 void Housekeeping::Work(const std::stop_token& stop) {
+  Settle(engine_, sessions_);
+  int until_collection = 0;
   while (!stop.stop_requested()) {
-    Settle(engine_, sessions_);
-    if (history_.collect_seconds == 0) return;
-    Collect(engine_, history_, stop);
+    if (until_collection <= 0 && history_.collect_seconds > 0) {
+      Settle(engine_, sessions_);
+      Collect(engine_, history_, stop);
+      until_collection = history_.collect_seconds;
+    }
+    if (take_over_seconds_ > 0) {
+      const absl::Status taken = take_over_();
+      if (!taken.ok()) LogWarning("jobs left by others not found", {{"why", taken.ToString()}});
+    }
+    int pause = history_.collect_seconds > 0 ? until_collection : take_over_seconds_;
+    if (take_over_seconds_ > 0) pause = std::min(pause, take_over_seconds_);
+    if (pause == 0) return;
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, stop, std::chrono::seconds(history_.collect_seconds), [] { return false; });
+    changed_.wait_for(lock, stop, std::chrono::seconds(pause), [] { return false; });
+    until_collection -= pause;
   }
 }
 

@@ -34,7 +34,10 @@ struct CommandLine {
   std::function<ExitCode()> action;
 };
 
+void AddAdminCommands(CommandLine& line);
 void AddMapCommands(CommandLine& line);
+/// Those of the map group that are about its epochs.
+void AddHistoryCommands(CommandLine& line, CLI::App& group);
 void AddSessionCommands(CommandLine& line);
 void AddExportCommand(CommandLine& line);
 void AddQueryCommand(CommandLine& line);

@@ -27,6 +27,7 @@ struct ExportArguments {
   std::string map;
   std::string file;
   std::string box;  ///< empty: everything
+  std::optional<uint64_t> epoch;
   bool all = false;
   bool centroids = false;
   bool absolute = false;
@@ -44,7 +45,7 @@ std::vector<std::string> CommentsOf(const ExportArguments& arguments, const MapS
 ExitCode Export(const GlobalOptions& options, const ExportArguments& arguments) {
   const absl::StatusOr<PointFileFormat> format = PointFileFormatOf(arguments.file);
   if (!format.ok()) return BadInput(format.status());
-  BlockQuery query{.map = arguments.map, .epoch = {}, .box = {}, .include_all = arguments.all};
+  BlockQuery query{.map = arguments.map, .epoch = arguments.epoch, .box = {}, .include_all = arguments.all};
   if (!arguments.box.empty()) {
     absl::StatusOr<Eigen::AlignedBox3d> box = ParseBox("--box", arguments.box);
     if (!box.ok()) return BadInput(box.status());
@@ -101,6 +102,7 @@ void AddExportCommand(CommandLine& line) {
   command->add_option("OUT", arguments->file, "File to write, .pcd or .ply")->required();
   command->add_option("--box", arguments->box, "Only what lies inside, metres relative to the map's origin")
       ->type_name("MINX,MINY,MINZ,MAXX,MAXY,MAXZ");
+  command->add_option("--epoch", arguments->epoch, "An earlier state of the map; the newest by default");
   command->add_flag("--all", arguments->all, "Also what is not held to be static");
   command->add_flag("--centroids", arguments->centroids, "One point a voxel, its mean, instead of its sub-voxels");
   command->add_flag("--absolute", arguments->absolute, "Add the map's origin; coordinates become float64");

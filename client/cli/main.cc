@@ -31,6 +31,7 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--json", line.options.json, "One JSON document on the standard output, for programs");
   AddMapCommands(line);
+  AddAdminCommands(line);
   AddSessionCommands(line);
   AddExportCommand(line);
   AddQueryCommand(line);

@@ -138,6 +138,8 @@ void AddMapCommands(CommandLine& line) {
   CLI::App* remove = group->add_subcommand("delete", "Delete a map with its sessions");
   remove->add_option("NAME", *name)->required()->check(NameValidator());
   remove->callback([&line, name] { line.action = [&line, name] { return Delete(line.options, *name); }; });
+
+  AddHistoryCommands(line, *group);
 }
 
 }  // namespace mapkeep

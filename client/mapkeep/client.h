@@ -64,6 +64,29 @@ class Client {
   /// The voxel that holds `point`, metres relative to the origin. NOT_FOUND if it was never hit.
   absl::StatusOr<VoxelInfo> QueryVoxel(std::string_view map, const Eigen::Vector3d& point) const;
 
+  /// Newest first, at most `limit`.
+  absl::StatusOr<std::vector<VersionInfo>> ListVersions(std::string_view map, size_t limit) const;
+  /// Names an epoch (nothing: the newest), which then stays readable; gives that epoch.
+  absl::StatusOr<uint64_t> AddTag(std::string_view map, std::string_view tag, std::optional<uint64_t> epoch) const;
+  absl::Status RemoveTag(std::string_view map, std::string_view tag) const;
+  absl::StatusOr<RollbackInfo> RollBackMap(std::string_view map, uint64_t epoch) const;
+  /// Streams the blocks that differ between two epochs (`after` nothing: the newest): `begin` once, with the later one,
+  /// then `change` for each. Stops with the error that a callback returns.
+  absl::Status CompareEpochs(std::string_view map, uint64_t before, std::optional<uint64_t> after,
+                             const std::function<absl::Status(const MapSnapshot&)>& begin,
+                             const std::function<absl::Status(const BlockChangeInfo&)>& change) const;
+
+  // Upkeep of the daemon's store; directories are on its machine. These may take hours.
+  absl::StatusOr<VerificationInfo> VerifyMap(std::string_view map) const;
+  absl::StatusOr<GarbageInfo> CollectGarbage(bool dry_run) const;
+  /// RADOS: one map, as of an epoch (nothing: the newest). RocksDB: everything, without map and epoch. Gives the maps.
+  absl::StatusOr<std::vector<std::string>> Backup(const std::string& directory, std::string_view map,
+                                                  std::optional<uint64_t> epoch) const;
+  /// One map (under another name, if `as` is not empty) or every one. Gives the maps by their new names.
+  absl::StatusOr<std::vector<std::string>> Restore(const std::string& directory, std::string_view map,
+                                                   std::string_view as) const;
+  absl::StatusOr<ReplayInfo> ReplayMap(std::string_view map) const;
+
   /// Uploads what the server does not have yet and queues the session; gives the session as it is then, which may
   /// already have ended if the same content came before. After a break it asks what is durable and goes on.
   /// `progress` counts durable scans.

@@ -31,6 +31,7 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& server) {
 Connection::Connection(const ClientOptions& options)
     : options_(options),
       channel_(MakeChannel(options.server)),
+      admin_(v1::AdminService::NewStub(channel_)),
       maps_(v1::MapService::NewStub(channel_)),
       sessions_(v1::SessionService::NewStub(channel_)),
       tiles_(v1::TileService::NewStub(channel_)) {}

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/mapkeep/client.h"
+#include "mapkeep/v1/admin_service.grpc.pb.h"
 #include "mapkeep/v1/map_service.grpc.pb.h"
 #include "mapkeep/v1/session_service.grpc.pb.h"
 #include "mapkeep/v1/tile_service.grpc.pb.h"
@@ -21,6 +22,7 @@ class Connection {
   explicit Connection(const ClientOptions& options);
 
   const ClientOptions& options() const { return options_; }
+  v1::AdminService::Stub& admin() const { return *admin_; }
   v1::MapService::Stub& maps() const { return *maps_; }
   v1::SessionService::Stub& sessions() const { return *sessions_; }
   v1::TileService::Stub& tiles() const { return *tiles_; }
@@ -34,11 +36,11 @@ class Connection {
   /// One unary call with a deadline, once the server is there.
   template <typename Stub, typename Request, typename Response>
   absl::Status Call(Stub& stub, grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, Response* response) const {
+                    const Request& request, Response* response, absl::Duration timeout = kCallTimeout) const {
     absl::Status reached = WaitForServer();
     if (!reached.ok()) return reached;
     grpc::ClientContext context;
-    context.set_deadline(absl::ToChronoTime(absl::Now() + kCallTimeout));
+    context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
     return StatusOf((stub.*method)(&context, request, response));
   }
 
@@ -47,6 +49,7 @@ class Connection {
 
   ClientOptions options_;
   std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::AdminService::Stub> admin_;
   std::unique_ptr<v1::MapService::Stub> maps_;
   std::unique_ptr<v1::SessionService::Stub> sessions_;
   std::unique_ptr<v1::TileService::Stub> tiles_;

@@ -4,6 +4,9 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
+
+#include "core/voxels/block.h"
 
 namespace mapkeep {
 
@@ -27,6 +30,48 @@ struct MapInfo {
   uint64_t blocks = 0, tiles = 0;
   std::optional<Eigen::AlignedBox3d> bounds;  ///< of the stored blocks; nothing while the map is empty
   uint64_t sessions = 0;                      ///< merged up to this epoch
+};
+
+/// One epoch of a map's history.
+struct VersionInfo {
+  uint64_t epoch = 0;
+  std::string session;      ///< that made it; empty for epoch 0 and for a rollback
+  uint64_t base_epoch = 0;  ///< that the session was aligned to, or that the rollback brought back
+  bool rollback = false;
+  double time = 0;  ///< seconds since 1970 (UTC)
+  uint64_t touched_tiles = 0;
+  bool readable = false;  ///< what follows is known only then
+  uint64_t voxels = 0, static_voxels = 0, sessions = 0;
+  std::vector<std::string> tags;
+};
+
+/// What a rollback did.
+struct RollbackInfo {
+  uint64_t epoch = 0;                                  ///< the new one
+  std::vector<std::string> rolled_back, brought_back;  ///< sessions
+};
+
+/// Static voxels of one block that only one of two epochs has.
+struct BlockChangeInfo {
+  std::optional<Block> appeared, disappeared;
+};
+
+/// What a check of a map found; see VerifyMapResponse.
+struct VerificationInfo {
+  uint64_t epochs = 0, nodes = 0, blocks = 0, voxels = 0;
+  uint64_t problem_count = 0;
+  std::vector<std::string> problems;  ///< the first hundred
+};
+
+/// What a collection took away, or would.
+struct GarbageInfo {
+  uint64_t epochs = 0, values = 0, attempts = 0, maps = 0, sessions = 0;
+};
+
+/// What a replay found; see ReplayMapResponse.
+struct ReplayInfo {
+  uint64_t commits = 0, blocks = 0, different = 0;
+  std::string first_difference;
 };
 
 /// What a map holds at one point.

@@ -57,19 +57,23 @@ struct Pipeline::State {
   void Work(const std::stop_token& stop) {
     tbb::task_arena arena(threads);
     while (const std::shared_ptr<Job> job = queue.Take()) {
-      const absl::Status status = RunLeased(arena, *job);
+      bool leased = false;
+      const absl::Status status = RunLeased(arena, *job, leased);
       stores.feed.ClearProgress({job->map, job->session});
       queue.Done(*job);
       if (status.ok() || job->stop != StopReason::kNone || absl::IsNotFound(status)) continue;
-      LogWarning("session put off", {{"map", job->map}, {"session", job->session}, {"why", status.ToString()}});
+      if (leased) {
+        LogWarning("session put off", {{"map", job->map}, {"session", job->session}, {"why", status.ToString()}});
+      }  // otherwise another daemon is at it
       std::unique_lock lock(pause_mutex);
       pause.wait_for(lock, stop, kRetryPause, [] { return false; });
       queue.Push(job->map, job->session, true, job->created);
     }
   }
 
-  absl::Status RunLeased(tbb::task_arena& arena, Job& job) {
+  absl::Status RunLeased(tbb::task_arena& arena, Job& job, bool& leased) {
     const auto lease = stores.leases.Acquire(job.map, job.session, options.holder, options.lease_seconds);
+    leased = !absl::IsAborted(lease.status());
     if (!lease.ok()) return lease.status();
     LogInfo("session started", {{"map", job.map}, {"session", job.session}, {"resumed", job.resumed ? 1 : 0}});
     absl::Status status;

@@ -39,6 +39,7 @@ Robot::Robot(const std::string& address) {
   maps_ = v1::MapService::NewStub(channel_);
   sessions_ = v1::SessionService::NewStub(channel_);
   tiles_ = v1::TileService::NewStub(channel_);
+  admin_ = v1::AdminService::NewStub(channel_);
 }
 
 std::unique_ptr<grpc::ClientContext> Robot::Call() {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/voxels/block.h"
+#include "mapkeep/v1/admin_service.grpc.pb.h"
 #include "mapkeep/v1/map_service.grpc.pb.h"
 #include "mapkeep/v1/session_service.grpc.pb.h"
 #include "mapkeep/v1/tile_service.grpc.pb.h"
@@ -67,12 +68,14 @@ class Robot {
   v1::MapService::Stub& maps() { return *maps_; }
   v1::SessionService::Stub& sessions() { return *sessions_; }
   v1::TileService::Stub& tiles() { return *tiles_; }
+  v1::AdminService::Stub& admin() { return *admin_; }
 
  private:
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::MapService::Stub> maps_;
   std::unique_ptr<v1::SessionService::Stub> sessions_;
   std::unique_ptr<v1::TileService::Stub> tiles_;
+  std::unique_ptr<v1::AdminService::Stub> admin_;
 };
 
 /// All columns of all blocks, to compare streams byte by byte.

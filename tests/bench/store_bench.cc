@@ -1,0 +1,258 @@
+// store_bench DIR [--rados CEPH_CONF POOL | --most COPIES]
+// The map store under a session of fixed size while the map around it grows: seconds of merge, filter and durable
+// commit at 1x, 10x, 50x and 200x the session's area (RADOS: to 50x), tiles read at an old epoch and at the head, the
+// head after 1,000 epochs, opening the store, bytes a voxel. The blocks are made up: ground of random detail, which
+// compresses worse than a real street. DIR is made and removed. Ratios are of one run.
+
+#include <absl/strings/str_format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <random>
+#include <string>
+
+#include "server/pipeline/stages.h"
+#include "storage/block_codec.h"
+#include "storage/rados_engine.h"
+#include "storage/rocksdb_engine.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr int kBlocksAlong = 18;  // of the session's square of blocks: 115 m
+constexpr int kRuns = 7;
+constexpr double kVoxelSize = 0.2;
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point began) { return std::chrono::duration<double>(Clock::now() - began).count(); }
+
+template <typename Value>
+Value Require(absl::StatusOr<Value> value) {
+  if (value.ok()) return *std::move(value);
+  std::fprintf(stderr, "%s\n", value.status().ToString().c_str());
+  std::exit(1);
+}
+
+double Median(std::vector<double> values) {
+  std::ranges::nth_element(values, values.begin() + values.size() / 2);
+  return values[values.size() / 2];
+}
+
+// Ground: half the columns of a block, each with one voxel.
+Block GroundBlock(const VoxelIndex& at, std::mt19937_64& random) {
+  Block block{.key = BlockKeyOf(at)};
+  for (uint16_t cell = 0; cell < 1024; ++cell) {
+    if (random() % 2 == 0) continue;
+    const uint16_t position = cell + 1024 * static_cast<uint16_t>(4 + random() % 2);
+    Voxel voxel{.position = position, .hits = 80, .exposures = static_cast<uint16_t>(random() % 16), .ground = true};
+    voxel.is_static = true;
+    for (uint8_t& mean : voxel.mean) mean = random();
+    voxel.normal = {static_cast<uint8_t>(126 + random() % 4), static_cast<uint8_t>(126 + random() % 4)};
+    voxel.intensity = 40 + random() % 16;
+    voxel.mask = uint64_t{random() & 0xffff} << 16 | 1;
+    voxel.first_seen = voxel.last_seen = 1000;
+    block.voxels.push_back(voxel);
+  }
+  std::ranges::sort(block.voxels, {}, &Voxel::position);
+  return block;
+}
+
+// One square of ground, `copy` squares to the east.
+std::vector<Block> Area(int copy) {
+  std::mt19937_64 random(copy + 1);
+  std::vector<Block> blocks;
+  for (int x = 0; x < kBlocksAlong; ++x) {
+    for (int y = 0; y < kBlocksAlong; ++y) blocks.push_back(GroundBlock({copy * kBlocksAlong + x, y, 0}, random));
+  }
+  return blocks;
+}
+
+// A session that sees the first square again.
+SessionMap SessionOver(const std::vector<Block>& blocks, uint32_t minutes) {
+  SessionMap session{.voxel_size = kVoxelSize, .start_minutes = minutes, .n_max = 30};
+  for (const Block& block : blocks) {
+    for (const Voxel& voxel : block.voxels) {
+      session.voxels.push_back({.key = VoxelKeyOf(block.key, voxel.position),
+                                .hits = 10,
+                                .ground = true,
+                                .mean = voxel.mean,
+                                .normal = voxel.normal,
+                                .intensity = voxel.intensity,
+                                .mask = voxel.mask});
+    }
+  }
+  std::ranges::sort(session.voxels, {}, &SessionVoxel::key);
+  return session;
+}
+
+class Bench {
+ public:
+  Bench(std::function<std::unique_ptr<Engine>()> open, int most_copies)
+      : open_(std::move(open)), most_copies_(most_copies) {
+    Open();
+    Require(maps_->Create({.name = "m", .voxel_size = kVoxelSize}));
+  }
+
+  void Run() {
+    for (const int copies : {1, 10, 50, 200}) {
+      if (copies > most_copies_) break;
+      GrowTo(copies);
+      std::vector<double> seconds;
+      const std::clock_t cpu = std::clock();
+      for (int run = 0; run < kRuns; ++run) seconds.push_back(CommitSession());
+      const double cpu_seconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / kRuns;
+      const double median = Median(seconds);
+      if (copies == 1) first_ = median;
+      const auto head = Require(maps_->Open("m"));
+      std::printf(
+          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f), "
+          "%.2f million voxels/s merged\n",
+          copies, static_cast<unsigned long long>(head->totals().voxels), 1e3 * median, median / first_,
+          1e3 * merge_seconds_, 1e3 * cpu_seconds, 1e-6 * static_cast<double>(session_.voxels.size()) / median);
+    }
+    OldEpochs();
+    if (most_copies_ >= 10) ManyEpochs();
+    std::vector<double> opened;
+    for (int run = 0; run < 5; ++run) opened.push_back(Reopen());
+    std::printf("opening the store with %d squares and %d epochs: %.1f ms\n", copies_, commits_, 1e3 * Median(opened));
+  }
+
+  void PrintBytes() const {
+    size_t bytes = 0, voxels = 0;
+    for (const Block& block : Area(0)) {
+      bytes += Require(EncodeBlock(block)).size();
+      voxels += block.voxels.size();
+    }
+    std::printf("made-up blocks: %.1f bytes a voxel\n", static_cast<double>(bytes) / static_cast<double>(voxels));
+  }
+
+ private:
+  void Open() {
+    engine_ = open_();
+    maps_ = OpenMapStore(*engine_, {});
+  }
+
+  double Reopen() {
+    maps_.reset();
+    engine_.reset();
+    const auto began = Clock::now();
+    Open();
+    Require(maps_->Open("m"));
+    return SecondsSince(began);
+  }
+
+  void Commit(const std::function<absl::StatusOr<std::vector<Block>>(const Snapshot&)>& blocks) {
+    Require(maps_->Commit("m", {.session = absl::StrFormat("s%d", commits_++), .base_epoch = 0, .blocks = blocks}));
+  }
+
+  void GrowTo(int copies) {
+    for (; copies_ < copies; ++copies_) Commit([this](const Snapshot&) { return Area(copies_); });
+  }
+
+  double CommitSession() {
+    session_ = SessionOver(Area(0), 1000 + commits_);
+    const auto base = Require(maps_->Open("m"));
+    const ScanSource none{0, {}};
+    const MergeInput input{*base, session_, none, {}, {}, {}};
+    const auto began = Clock::now();
+    Commit([&](const Snapshot& head) -> absl::StatusOr<std::vector<Block>> {
+      const auto merging = Clock::now();
+      auto merged = MergeIntoMap(head, input, {}, {}, {});
+      merge_seconds_ = SecondsSince(merging);
+      if (!merged.ok()) return merged.status();
+      return std::move(merged->changed);
+    });
+    return SecondsSince(began);
+  }
+
+  // Seconds to read every tile of the first square in a random order, with nothing in the caches of the store.
+  double ReadTiles(std::optional<uint64_t> epoch) {
+    const auto cold = OpenMapStore(*engine_, {.block_cache_bytes = 0});
+    const auto snapshot = Require(cold->Open("m", epoch));
+    std::vector<TileKey> tiles =
+        Require(snapshot->Tiles(BlockRange{{0, 0, 0}, {kBlocksAlong - 1, kBlocksAlong - 1, 0}}));
+    std::ranges::shuffle(tiles, std::mt19937_64(1));
+    const auto began = Clock::now();
+    for (const TileKey tile : tiles) {
+      for (const BlockKey key : Require(snapshot->BlocksOf(tile))) Require(snapshot->Read(key));
+    }
+    return SecondsSince(began) / static_cast<double>(tiles.size());
+  }
+
+  double MedianTile(std::optional<uint64_t> epoch) {
+    std::vector<double> seconds;
+    for (int run = 0; run < kRuns; ++run) seconds.push_back(ReadTiles(epoch));
+    return Median(seconds);
+  }
+
+  // In turns, so that what else the machine does falls on both.
+  void OldEpochs() {
+    std::vector<double> old, head;
+    for (int run = 0; run < 3 * kRuns; ++run) {
+      old.push_back(ReadTiles(2));
+      head.push_back(ReadTiles(std::nullopt));
+    }
+    std::printf("tile at epoch 2: %.2f ms, at the head: %.2f ms, ratio %.2f\n", 1e3 * Median(old), 1e3 * Median(head),
+                Median(old) / Median(head));
+  }
+
+  void ManyEpochs() {
+    const double before = MedianTile(std::nullopt);
+    const auto began = Clock::now();
+    constexpr int kEpochs = 1000;
+    const Block small{BlockKeyOf(VoxelIndex{0, 0, 50}), {}};
+    for (int i = 0; i < kEpochs; ++i) {
+      Commit([&](const Snapshot&) -> absl::StatusOr<std::vector<Block>> {
+        Block block = small;
+        block.voxels = {{.position = static_cast<uint16_t>(i), .hits = 8, .mask = 1}};
+        return std::vector{block};
+      });
+    }
+    const double each = SecondsSince(began) / kEpochs;
+    const double after = MedianTile(std::nullopt);
+    std::printf(
+        "tile at the head before and after 1,000 epochs: %.2f and %.2f ms, ratio %.2f; a small commit: %.2f ms\n",
+        1e3 * before, 1e3 * after, after / before, 1e3 * each);
+  }
+
+  const std::function<std::unique_ptr<Engine>()> open_;
+  const int most_copies_;
+  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<MapStore> maps_;
+  SessionMap session_;
+  int copies_ = 0, commits_ = 0;
+  double first_ = 0, merge_seconds_ = 0;
+};
+
+int Run(int count, char** arguments) {
+  const bool rados = count == 5 && std::string(arguments[2]) == "--rados";
+  const bool bounded = count == 4 && std::string(arguments[2]) == "--most";
+  if (count != 2 && !rados && !bounded) {
+    std::fprintf(stderr, "usage: store_bench DIR [--rados CEPH_CONF POOL | --most COPIES]\n");
+    return 2;
+  }
+  const std::string directory = arguments[1];
+  const auto open = [&]() -> std::unique_ptr<Engine> {
+    if (!rados) return Require(OpenRocksDbEngine(directory));
+    return Require(OpenRadosEngine({.conf = arguments[3], .pool = arguments[4], .name_space = directory}));
+  };
+  {
+    Bench bench(open, rados ? 50 : bounded ? std::atoi(arguments[3]) : 200);
+    bench.PrintBytes();
+    bench.Run();
+  }
+  if (!rados) std::filesystem::remove_all(directory);
+  return 0;
+}
+
+}  // namespace
+}  // namespace mapkeep
+
+int main(int count, char** arguments) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  return mapkeep::Run(count, arguments);
+}
