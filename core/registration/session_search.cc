@@ -88,6 +88,16 @@ std::vector<double> TravelOf(std::span<const Pose> poses) {
   return travel;
 }
 
+absl::StatusOr<FoundPlace> PlaceOf(QueryBuilder& queries, const Window& window, std::span<const Pose> poses,
+                                   const TargetMap& map, const std::optional<Pose>& prior,
+                                   const AlignParameters& parameters) {
+  const auto query = queries.QueryOf(window);
+  if (!query.ok()) return query.status();
+  std::optional<Eigen::AlignedBox3d> within;
+  if (prior) within = BoxOfWindow(window, poses, *prior, parameters.prior_reach + parameters.query_range);
+  return FindPlace(*query, map, within, parameters);
+}
+
 }  // namespace
 
 Eigen::AlignedBox3d BoxOfWindow(const Window& window, std::span<const Pose> poses, const Pose& correction,
@@ -156,11 +166,7 @@ absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose
     done[*next] = 1;
     const Window& probe = probes[*next];
     if (!progress()) return absl::CancelledError("stopped while aligning the session");
-    const auto query = queries.QueryOf(probe);
-    if (!query.ok()) return query.status();
-    std::optional<Eigen::AlignedBox3d> within;
-    if (prior) within = BoxOfWindow(probe, poses, *prior, parameters.prior_reach + parameters.query_range);
-    const auto place = FindPlace(*query, map, within, parameters);
+    const auto place = PlaceOf(queries, probe, poses, map, prior, parameters);
     if (!place.ok()) return place.status();
     if (!place->fits) {
       absl::StrAppendFormat(&reasons, "; scans %d to %d: %s", probe.first, probe.last, place->reason);
@@ -173,11 +179,29 @@ absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose
       return search;
     }
     hits.push_back(hit);
-    // One scan alone has no second window to agree with; that nothing else fits it must do.
+    // A scan alone has no second window to agree with; that nothing else fits it must do.
     if (probes.size() == 1) {
       search.seed = SeedOf(hit, poses);
       return search;
     }
+  }
+  // Too little of the session lies in the map for two windows: then the halves of one that has a place must agree.
+  for (const Hit& whole : hits) {
+    if (whole.window.first == whole.window.last) continue;
+    const size_t middle = (whole.window.first + whole.window.last + 1) / 2;
+    std::vector<Hit> halves;
+    for (const Window& half : {Window{whole.window.first, middle - 1}, Window{middle, whole.window.last}}) {
+      if (!progress()) return absl::CancelledError("stopped while aligning the session");
+      const auto place = PlaceOf(queries, half, poses, map, prior, parameters);
+      if (!place.ok()) return place.status();
+      if (place->fits) halves.push_back({half, place->placement.pose});
+    }
+    if (halves.size() < 2 || !AgreeByOdometry(halves[0], halves[1], poses, travel, parameters) ||
+        !AgreeByOdometry(halves[0], whole, poses, travel, parameters)) {
+      continue;
+    }
+    search.seed = SeedOf(whole, poses);
+    return search;
   }
   const auto tried = std::ranges::count(done, 1);
   search.reason = hits.empty()
