@@ -149,6 +149,19 @@ Setting Engine(std::string about) {
           }};
 }
 
+Setting ScanPosesBy(std::string about) {
+  return {"align.scan_poses", "pose_graph or fusion", std::move(about),
+          [](const Config& config) {
+            return config.stages.align.scan_poses == ScanPoses::kFusion ? "fusion" : "pose_graph";
+          },
+          [](Config& config, const SettingValue& value) {
+            const auto text = TextOf(value);
+            if (text != "pose_graph" && text != "fusion") return false;
+            config.stages.align.scan_poses = text == "fusion" ? ScanPoses::kFusion : ScanPoses::kPoseGraph;
+            return true;
+          }};
+}
+
 Setting Format(std::string about) {
   return {"log_format", "text or json", std::move(about),
           [](const Config& config) { return config.log_format == LogFormat::kJson ? "json" : "text"; },
@@ -237,6 +250,36 @@ std::vector<Setting> MakeSettings() {
       Number("align.max_tilt", MAPKEEP_FIELD(stages.align.max_tilt), 0, 180,
              "Degrees that z may be off the up direction in a session that founds a map"),
       Integer("align.max_iterations", MAPKEEP_FIELD(stages.align.max_iterations), 1, 1000, "Iterations of a round"),
+      Number("align.query_range", MAPKEEP_FIELD(stages.align.query_range), 1, 1000,
+             "Metres: points further from their sensor are not used"),
+      Number("align.min_precision", MAPKEEP_FIELD(stages.align.min_precision), 0, 1,
+             "Share of a window's inliers within 0.1 m of the map's surfaces, to be trusted"),
+      Number("align.min_coverage", MAPKEEP_FIELD(stages.align.min_coverage), 0, 1,
+             "Share of a window where the map knows anything; below it lies beyond the map"),
+      Number("align.first_fitness", MAPKEEP_FIELD(stages.align.first_fitness), 0, 1,
+             "Likewise align.min_fitness, of a window that is placed without a prior"),
+      Number("align.first_precision", MAPKEEP_FIELD(stages.align.first_precision), 0, 1,
+             "Likewise align.min_precision"),
+      Number("align.first_coverage", MAPKEEP_FIELD(stages.align.first_coverage), 0, 1, "Likewise align.min_coverage"),
+      Number("align.alias_share", MAPKEEP_FIELD(stages.align.alias_share), 0, 1,
+             "A second place with this share of the best one's surfaces makes a window ambiguous"),
+      Number("align.agree_distance", MAPKEEP_FIELD(stages.align.agree_distance), 0, 100,
+             "Metres that two windows may disagree by"),
+      Number("align.agree_per_metre", MAPKEEP_FIELD(stages.align.agree_per_metre), 0, 1,
+             "Metres more a metre of travel between them"),
+      Number("align.agree_rotation", MAPKEEP_FIELD(stages.align.agree_rotation), 0, 3.2,
+             "Radians that two windows may disagree by"),
+      Number("align.agree_turn", MAPKEEP_FIELD(stages.align.agree_turn), 0, 1,
+             "Radians more a metre of travel between them"),
+      Integer("align.max_matched_windows", MAPKEEP_FIELD(stages.align.max_matched_windows), 1, 1000,
+              "Windows that are matched globally before a session is refused"),
+      Number("align.prior_reach", MAPKEEP_FIELD(stages.align.prior_reach), 0, 10000,
+             "Metres from an initial pose within which the matcher looks"),
+      Integer("align.lost_windows", MAPKEEP_FIELD(stages.align.lost_windows), 1, 1000,
+              "Windows in a row without trust after which the matcher is asked again"),
+      Number("align.min_trusted_share", MAPKEEP_FIELD(stages.align.min_trusted_share), 0, 1,
+             "Share of the windows inside the map that must be trusted"),
+      ScanPosesBy("Scan poses by a pose graph over windows and odometry, or by the paper's eq. 2"),
 
       Number("clean.eta", MAPKEEP_FIELD(stages.clean.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("clean.stability_threshold", MAPKEEP_FIELD(stages.clean.stability_threshold), 0, 1,

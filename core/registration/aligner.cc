@@ -6,181 +6,257 @@
 #include <optional>
 #include <utility>
 
-#include "core/registration/fitness.h"
 #include "core/registration/fusion.h"
-#include "core/registration/gicp.h"
-#include "core/registration/point_tree.h"
+#include "core/registration/place_search.h"
+#include "core/registration/placement.h"
+#include "core/registration/pose_graph.h"
 #include "core/registration/query.h"
-#include "core/registration/surface_normals.h"
-#include "core/registration/thinning.h"
+#include "core/registration/session_search.h"
 #include "core/registration/windows.h"
 
 namespace mapkeep {
 namespace {
 
-constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
-constexpr double kFineThinning = 2;
+constexpr double kTargetMargin = 2;  // metres about a session's reach from which the map is read, beyond max_correction
 
-absl::Status CheckInput(const ScanSource& scans, std::span<const Pose> poses, const RegistrationTarget& target,
-                        const AlignParameters& parameters) {
-  for (const auto& [name, value] : {std::pair("source_voxel", parameters.source_voxel),
-                                    std::pair("coarse_correspondence", parameters.coarse_correspondence),
-                                    std::pair("fine_correspondence", parameters.fine_correspondence),
-                                    std::pair("inlier_distance", parameters.inlier_distance),
-                                    std::pair("coarse_robust_width", parameters.coarse_robust_width),
-                                    std::pair("fine_robust_width", parameters.fine_robust_width)}) {
+absl::Status CheckInput(const ScanSource& scans, std::span<const Pose> poses, const AlignParameters& parameters) {
+  for (const auto& [name, value] :
+       {std::pair("source_voxel", parameters.source_voxel), std::pair("query_range", parameters.query_range),
+        std::pair("coarse_correspondence", parameters.coarse_correspondence),
+        std::pair("fine_correspondence", parameters.fine_correspondence),
+        std::pair("inlier_distance", parameters.inlier_distance),
+        std::pair("coarse_robust_width", parameters.coarse_robust_width),
+        std::pair("fine_robust_width", parameters.fine_robust_width)}) {
     if (!(value > 0))
       return absl::InvalidArgumentError(absl::StrFormat("%s is %g m, expected more than 0", name, value));
   }
   if (scans.count != poses.size()) {
     return absl::InvalidArgumentError(absl::StrFormat("%d scans but %d poses", scans.count, poses.size()));
   }
-  if (target.points.size() != target.normals.size()) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("the target has %d points but %d normals", target.points.size(), target.normals.size()));
-  }
   return absl::OkStatus();
-}
-
-/// The target with its tree, in whose frame windows are placed.
-class Placer {
- public:
-  Placer(const RegistrationTarget& target, const AlignParameters& parameters)
-      : parameters_(parameters), target_{target.points, target.normals}, tree_(target_.points) {}
-
-  struct Placement {
-    Pose pose = Pose::Identity();  // T_map_window
-    Fit fit;
-  };
-
-  /// Coarse, then fine GICP from the guess, and the fit where that ends. `query` in the window's frame.
-  Placement Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const {
-    Placement placement{.pose = guess};
-    const PointTree query_tree(query);
-    const auto round = [&](double thinning, double correspondence, double robust_width) {
-      const SurfaceCloud source = Surfaces(ThinPoints(query, thinning * parameters_.source_voxel), query, query_tree);
-      const GicpResult result = RefineByGicp(source, target_, tree_, placement.pose,
-                                             {.max_correspondence = correspondence,
-                                              .robust_width = robust_width,
-                                              .max_iterations = parameters_.max_iterations});
-      placement.pose = result.pose;
-      return result.pairs > 0;
-    };
-    if (!round(kCoarseThinning, parameters_.coarse_correspondence, parameters_.coarse_robust_width)) return placement;
-    round(kFineThinning, parameters_.fine_correspondence, parameters_.fine_robust_width);
-    placement.fit = FitOf(query, target_, tree_, placement.pose, parameters_.inlier_distance);
-    return placement;
-  }
-
- private:
-  static SurfaceCloud Surfaces(std::vector<Eigen::Vector3d> at, std::span<const Eigen::Vector3d> points,
-                               const PointTree& tree) {
-    SurfaceCloud cloud{.points = std::move(at)};
-    cloud.normals.reserve(cloud.points.size());
-    for (const SurfaceNormal& surface : SurfaceNormalsAt(cloud.points, points, tree)) {
-      cloud.normals.push_back(surface.normal);
-    }
-    return cloud;
-  }
-
-  AlignParameters parameters_;
-  SurfaceCloud target_;
-  PointTree tree_;
-};
-
-bool IsTrusted(const WindowResult& window, const AlignParameters& parameters) {
-  return window.fitness >= parameters.min_fitness && window.inliers >= static_cast<uint32_t>(parameters.min_inliers) &&
-         window.correction <= parameters.max_correction && window.rotation <= parameters.max_rotation &&
-         window.observability >= parameters.min_observability;
 }
 
 /// What is known of one window while the session is tracked.
 struct TrackedWindow {
   Window window;
   WindowResult result;
-  Pose correction = Pose::Identity();  // T_abs^u, of a trusted window
+  Placement placement;
+  Pose correction = Pose::Identity();  // T_abs^u; of a window that is not trusted: what it was tried with
 };
 
-/// Places one window from the prior correction.
-absl::Status PlaceWindow(const Placer& placer, QueryBuilder& queries, std::span<const Pose> poses, const Pose& prior,
-                         const AlignParameters& parameters, TrackedWindow& tracked) {
-  const auto query = queries.QueryOf(tracked.window);
-  if (!query.ok()) return query.status();
-  const Pose& first = poses[tracked.window.first];
-  const Pose guess = prior * first;
-  const Placer::Placement placement = placer.Place(*query, guess);
-  WindowResult& result = tracked.result;
-  result = {.first_scan = static_cast<uint32_t>(tracked.window.first),
-            .last_scan = static_cast<uint32_t>(tracked.window.last),
-            .fitness = placement.fit.fitness,
-            .inliers = static_cast<uint32_t>(placement.fit.inliers),
-            .correction = (placement.pose.translation() - guess.translation()).norm(),
-            .rotation = AngleBetween(placement.pose, guess),
-            .observability = placement.fit.observability};
-  result.trusted = IsTrusted(result, parameters);
-  tracked.correction = placement.pose * first.inverse();
-  return absl::OkStatus();
+/// One session on its way.
+class Tracker {
+ public:
+  Tracker(QueryBuilder& queries, std::span<const Pose> poses, const TargetMap& map, const AlignParameters& parameters,
+          std::function<bool()> progress)
+      : queries_(queries), poses_(poses), map_(map), parameters_(parameters), progress_(std::move(progress)) {
+    for (const Window& window : WindowsOf(poses, parameters)) windows_.push_back({.window = window});
+    for (size_t i = 1; i < poses.size(); ++i) {
+      travel_.push_back(travel_.back() + (poses[i].translation() - poses[i - 1].translation()).norm());
+    }
+  }
+
+  std::vector<TrackedWindow>& windows() { return windows_; }
+  /// The map has nothing where the session was tracked.
+  bool nothing_near() const { return nothing_near_; }
+
+  /// Tracks forwards from window `first` and backwards from the first one that is trusted, starting from `prior`. Up to
+  /// that one, windows may move as far from the prior as from a guess of a person; then as far as odometry may err.
+  absl::Status TrackFrom(size_t first, const Pose& prior) {
+    auto target = TargetUnder(prior);
+    if (!target.ok()) return target.status();
+    const Placer placer(*std::move(target), parameters_);
+    nothing_near_ = placer.empty();
+    if (nothing_near_) return absl::OkStatus();
+    std::optional<size_t> last;
+    std::optional<size_t> seed;
+    for (size_t u = first; u < windows_.size(); ++u) {
+      const absl::Status status = Follow(placer, u, last, last ? windows_[*last].correction : prior);
+      if (!status.ok()) return status;
+      if (windows_[u].result.trusted) {
+        if (!seed) seed = u;
+        last = u;
+      }
+    }
+    last = seed;
+    for (size_t u = seed.value_or(first); u-- > 0;) {
+      const absl::Status status = Follow(placer, u, last, last ? windows_[*last].correction : prior);
+      if (!status.ok()) return status;
+      if (windows_[u].result.trusted) last = u;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::StatusOr<RegistrationTarget> TargetUnder(const Pose& correction) const {
+    std::vector<Eigen::AlignedBox3d> boxes;
+    const double reach = parameters_.query_range + parameters_.max_correction + kTargetMargin;
+    for (const TrackedWindow& window : windows_) {
+      boxes.push_back(BoxOfWindow(window.window, poses_, correction, reach));
+    }
+    return map_.points(boxes);
+  }
+
+  // Places window u from a correction: that of the trusted window `from`, if there is one.
+  absl::Status Follow(const Placer& placer, size_t u, const std::optional<size_t>& from, const Pose& correction) {
+    if (progress_ && !progress_()) return absl::CancelledError("stopped while aligning the session");
+    TrackedWindow& tracked = windows_[u];
+    const auto query = queries_.QueryOf(tracked.window);
+    if (!query.ok()) return query.status();
+    const Pose& first = poses_[tracked.window.first];
+    const Pose guess = correction * first;
+    Placement placement = placer.Place(query->points, guess);
+    const double travel = from ? TravelBetween(windows_[*from].window, tracked.window, travel_) : 0;
+    bool trusted = FitsMap(placement.fit, parameters_) && placement.correction <= parameters_.max_correction &&
+                   placement.rotation <= parameters_.max_rotation &&
+                   (!from || Agree(guess, placement.pose, travel, parameters_));
+    const size_t lost = from ? (u > *from ? u - *from : *from - u) : 0;
+    if (!trusted && lost >= static_cast<size_t>(parameters_.lost_windows) &&
+        placement.fit.coverage >= parameters_.min_coverage) {
+      const Eigen::AlignedBox3d near =
+          BoxOfWindow(tracked.window, poses_, correction, parameters_.query_range + parameters_.prior_reach);
+      const auto place = FindPlace(*query, map_, near, parameters_);
+      if (!place.ok()) return place.status();
+      if (place->fits && Agree(guess, place->placement.pose, travel, parameters_)) {
+        placement = placer.Place(query->points, place->placement.pose);
+        trusted = FitsMap(placement.fit, parameters_);
+      }
+    }
+    tracked.result = {.first_scan = static_cast<uint32_t>(tracked.window.first),
+                      .last_scan = static_cast<uint32_t>(tracked.window.last),
+                      .fitness = placement.fit.fitness,
+                      .inliers = static_cast<uint32_t>(placement.fit.inliers),
+                      .correction = (placement.pose.translation() - guess.translation()).norm(),
+                      .rotation = AngleBetween(placement.pose, guess),
+                      .observability = placement.fit.observability,
+                      .trusted = trusted,
+                      .precision = placement.fit.precision,
+                      .coverage = placement.fit.coverage};
+    tracked.correction = trusted ? placement.pose * first.inverse() : correction;
+    tracked.placement = placement;
+    return absl::OkStatus();
+  }
+
+  QueryBuilder& queries_;
+  std::span<const Pose> poses_;
+  const TargetMap& map_;
+  const AlignParameters& parameters_;
+  std::function<bool()> progress_;
+  std::vector<TrackedWindow> windows_;
+  std::vector<double> travel_{0.0};
+  bool nothing_near_ = false;
+};
+
+size_t TrustedCount(std::span<const TrackedWindow> windows) {
+  return static_cast<size_t>(std::ranges::count_if(windows, [](const auto& w) { return w.result.trusted; }));
 }
 
-std::string Refusal(std::span<const TrackedWindow> windows, const AlignParameters& parameters) {
+std::string NothingFits(std::span<const TrackedWindow> windows, const AlignParameters& parameters) {
   const auto best = std::ranges::max_element(windows, {}, [](const TrackedWindow& w) { return w.result.fitness; });
   const WindowResult& result = best->result;
   return absl::StrFormat(
       "no window of %d fits the map; the best, scans %d to %d, has fitness %.2f (at least %.2f is needed), %d inliers "
-      "(%d), moved %.2f m (at most %.2f) and %.3f rad (%.3f), observability %.3f (at least %.3f)",
+      "(%d), precision %.2f (%.2f), coverage %.2f (%.2f), moved %.2f m (at most %.2f) and %.3f rad (%.3f), "
+      "observability %.3f (at least %.3f)",
       windows.size(), result.first_scan, result.last_scan, result.fitness, parameters.min_fitness, result.inliers,
-      parameters.min_inliers, result.correction, parameters.max_correction, result.rotation, parameters.max_rotation,
-      result.observability, parameters.min_observability);
+      parameters.min_inliers, result.precision, parameters.min_precision, result.coverage, parameters.min_coverage,
+      result.correction, parameters.max_correction, result.rotation, parameters.max_rotation, result.observability,
+      parameters.min_observability);
+}
+
+// The window that the seed's scans lie in best.
+size_t WindowAt(std::span<const TrackedWindow> windows, const Window& seed) {
+  const auto middle = static_cast<double>(seed.first + seed.last);
+  const auto nearest = std::ranges::min_element(windows, {}, [&](const TrackedWindow& w) {
+    return std::abs(static_cast<double>(w.window.first + w.window.last) - middle);
+  });
+  return static_cast<size_t>(nearest - windows.begin());
+}
+
+// Decides on a tracked session and makes its scan poses.
+void Conclude(std::span<const Pose> poses, std::span<const TrackedWindow> windows, const AlignParameters& parameters,
+              Alignment& alignment) {
+  std::vector<TrustedWindow> trusted;
+  size_t inside = 0;
+  for (const TrackedWindow& window : windows) {
+    alignment.windows.push_back(window.result);
+    if (window.result.trusted || window.result.coverage >= parameters.min_coverage) ++inside;
+    if (!window.result.trusted) continue;
+    trusted.push_back({window.window, window.correction, window.result.fitness, window.placement.centre,
+                       window.placement.information});
+  }
+  alignment.lacks_map = 2 * inside < windows.size();
+  if (trusted.empty()) {
+    alignment.reason = NothingFits(windows, parameters);
+    return;
+  }
+  if (static_cast<double>(trusted.size()) < parameters.min_trusted_share * static_cast<double>(inside)) {
+    alignment.reason = absl::StrFormat("only %d of the %d windows inside the map fit it (a share of %.2f is needed)",
+                                       trusted.size(), inside, parameters.min_trusted_share);
+    return;
+  }
+  alignment.accepted = true;
+  alignment.lacks_map = false;
+  alignment.verdict = inside < windows.size() ? Verdict::kExtends : Verdict::kAligned;
+  alignment.poses =
+      parameters.scan_poses == ScanPoses::kFusion ? FusePoses(poses, trusted) : OptimisePoses(poses, trusted);
 }
 
 }  // namespace
 
-absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses,
-                                       const RegistrationTarget& target, const AlignParameters& parameters,
+absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses, const TargetMap& map,
+                                       const std::optional<Pose>& prior, const AlignParameters& parameters,
                                        const Progress& progress) {
-  if (const absl::Status status = CheckInput(scans, poses, target, parameters); !status.ok()) return status;
+  if (const absl::Status status = CheckInput(scans, poses, parameters); !status.ok()) return status;
   Alignment alignment;
-  if (poses.empty() || target.points.empty()) {
-    alignment.reason = poses.empty() ? "the session has no scans" : "the map has nothing static near the session";
+  if (poses.empty()) {
+    alignment.reason = "the session has no scans";
     return alignment;
   }
-  const Placer placer(target, parameters);
-  QueryBuilder queries(scans, poses, parameters.source_voxel);
-  std::vector<TrackedWindow> windows;
-  for (const Window& window : WindowsOf(poses, parameters)) windows.push_back({.window = window});
-
-  // Forward: each window starts from the last one that was trusted.
-  Pose prior = Pose::Identity();
-  std::optional<size_t> first_trusted;
-  for (size_t u = 0; u < windows.size(); ++u) {
-    const absl::Status status = PlaceWindow(placer, queries, poses, prior, parameters, windows[u]);
-    if (!status.ok()) return status;
-    if (windows[u].result.trusted) {
-      prior = windows[u].correction;
-      if (!first_trusted) first_trusted = u;
+  QueryBuilder queries(scans, poses, parameters.source_voxel, parameters.query_range);
+  const std::vector<Window> windows = WindowsOf(poses, parameters);
+  // A window may be visited twice; how often is known only at the end.
+  size_t steps = 0;
+  const auto step = [&] {
+    ++steps;
+    const auto expected = static_cast<double>(windows.size()) + parameters.max_matched_windows + 5;
+    return !progress || progress(std::min(1.0, static_cast<double>(steps) / expected));
+  };
+  Tracker tracker(queries, poses, map, parameters, step);
+  if (prior) {
+    if (const absl::Status status = tracker.TrackFrom(0, *prior); !status.ok()) return status;
+  }
+  if (TrustedCount(tracker.windows()) == 0) {
+    absl::StatusOr<SeedSearch> search = SeedSearch{};
+    if (!prior) {
+      search = TryAsGiven(queries, poses, windows, map, parameters, step);
+      if (!search.ok()) return search.status();
     }
-    const double done = static_cast<double>(u + 1) / static_cast<double>(windows.size());
-    if (progress && !progress(done)) return absl::CancelledError("stopped while aligning the session");
+    if (!search->seed) search = SearchMap(queries, poses, windows, map, prior, parameters, step);
+    if (!search.ok()) return search.status();
+    if (search->seed) {
+      const size_t first = WindowAt(tracker.windows(), search->seed->window);
+      const absl::Status status = tracker.TrackFrom(first, search->seed->correction);
+      if (!status.ok()) return status;
+    } else {
+      for (const TrackedWindow& window : tracker.windows()) {
+        WindowResult result = window.result;
+        result.first_scan = static_cast<uint32_t>(window.window.first);
+        result.last_scan = static_cast<uint32_t>(window.window.last);
+        alignment.windows.push_back(result);
+      }
+      alignment.reason = search->reason;
+      if (prior) {
+        alignment.lacks_map = tracker.nothing_near();
+        alignment.reason = (tracker.nothing_near() ? "the map has nothing static near the session"
+                                                   : NothingFits(tracker.windows(), parameters)) +
+                           "; " + alignment.reason;
+      }
+      return alignment;
+    }
   }
-  // And back: what came before the first trusted window is tried once more from there.
-  for (size_t u = first_trusted.value_or(0); u-- > 0;) {
-    const absl::Status status = PlaceWindow(placer, queries, poses, windows[u + 1].correction, parameters, windows[u]);
-    if (!status.ok()) return status;
-    if (!windows[u].result.trusted) windows[u].correction = windows[u + 1].correction;
-    if (progress && !progress(1)) return absl::CancelledError("stopped while aligning the session");
-  }
-
-  std::vector<TrustedWindow> trusted;
-  for (const TrackedWindow& window : windows) {
-    alignment.windows.push_back(window.result);
-    if (window.result.trusted) trusted.push_back({window.window, window.correction, window.result.fitness});
-  }
-  if (trusted.empty()) {
-    alignment.reason = Refusal(windows, parameters);
-    return alignment;
-  }
-  alignment.accepted = true;
-  alignment.poses = FusePoses(poses, trusted);
+  Conclude(poses, tracker.windows(), parameters, alignment);
+  if (progress && !progress(1)) return absl::CancelledError("stopped while aligning the session");
   return alignment;
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,60 +12,50 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/progress.h"
 #include "core/geometry/scan.h"
+#include "core/registration/parameters.h"
+#include "core/registration/target_map.h"
 
 namespace mapkeep {
-
-/// Every parameter of registration, with the symbol of the paper's section 3.2.
-struct AlignParameters {
-  int window_scans = 30;               ///< L: scans of a window
-  double window_travel = 15.0;         ///< metres of travel after which a window ends before L scans
-  int window_stride = 10;              ///< r: scans between the starts of windows
-  double source_voxel = 0.3;           ///< metres: query submaps are thinned to this
-  double coarse_correspondence = 2.0;  ///< metres: largest distance of a match in the first GICP round
-  double fine_correspondence = 1.0;    ///< metres: in the last
-  double inlier_distance = 0.5;        ///< tau_d, metres
-  double min_fitness = 0.75;           ///< tau_f, after refinement
-  int min_inliers = 100;               ///< matched points below which a window says nothing
-  double max_correction = 3.0;         ///< metres that refinement may move a window from its prior
-  double max_rotation = 0.1;           ///< radians, likewise
-  double min_observability = 0.01;     ///< of Fit::observability: below it the surroundings leave a direction open
-  double coarse_robust_width = 0.5;    ///< metres off a surface at which a pair counts half in the first round
-  double fine_robust_width = 0.1;      ///< in the last
-  int max_iterations = 30;             ///< of GICP, a round
-  double max_tilt = 5.0;               ///< degrees that z may be off the up direction in a session that founds a map
-};
-
-/// The registration target C_{t-1}: the map's static voxels near the session. Columns of equal length.
-struct RegistrationTarget {
-  double voxel_size = 0;                 ///< metres, the map's
-  std::vector<Eigen::Vector3d> points;   ///< mean points, map frame
-  std::vector<Eigen::Vector3d> normals;  ///< unit, or zero where unknown
-};
 
 /// What became of one window W_u (eq. 1).
 struct WindowResult {
   uint32_t first_scan = 0, last_scan = 0;  ///< inclusive
-  double fitness = 0;                      ///< f_u: share of query points within tau_d of the target
+  double fitness = 0;  ///< f_u: share of query points within tau_d of the target, where it knows anything
   uint32_t inliers = 0;
   double correction = 0;     ///< metres between the prior and the refined pose
   double rotation = 0;       ///< radians between them
   double observability = 0;  ///< how well its surroundings fix the weakest direction (core/registration/fitness.h)
   bool trusted = false;
+  double precision = 0;  ///< share of inliers on a surface of the target
+  double coverage = 0;   ///< share of query points where the map knows anything
+};
+
+/// Where a session, or a few scans, came to lie.
+enum class Verdict : uint8_t {
+  kRefused,
+  kAligned,
+  kExtends,  ///< aligned; some windows lie beyond the map and are carried by odometry
 };
 
 struct Alignment {
-  bool accepted = false;
+  Verdict verdict = Verdict::kRefused;
+  bool accepted = false;    ///< the verdict is not kRefused
+  bool lacks_map = false;   ///< refused, and most of the session lies where the map knows nothing
   std::string reason;       ///< why it was refused; empty if accepted
   std::vector<Pose> poses;  ///< T^_{t,i}: one a scan, map frame; empty if refused
   std::vector<WindowResult> windows;
 };
 
-/// Aligns a session to the map from the poses as given: GICP refinement of every window against the target, tracked
-/// from window to window, verified by fitness; scan poses fused from the trusted windows that cover them (eq. 2) and
-/// interpolated between. A session that no window places is refused with the reason: not an error. Deterministic on any
-/// number of threads. INVALID_ARGUMENT for counts that do not match; errors of the source are passed on.
-absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses,
-                                       const RegistrationTarget& target, const AlignParameters& parameters,
+/// Aligns a session to the map. With a `prior` (T_map_session, roughly known) the windows are tracked from there, and
+/// matched globally near it if that fails. Without, poses are taken as given if windows along the session fit at once
+/// and agree; otherwise the global matcher looks for it all over the map. A place that the matcher found counts only if
+/// two windows that share no scan agree on it and nothing else in the map fits nearly as well. Then GICP tracks from
+/// window to window, the matcher is asked again where that is lost, and scan poses come from a pose graph over trusted
+/// windows and odometry (or by eq. 2, as the parameters say). A session that finds no place is refused with the reason:
+/// not an error. Deterministic on any number of threads. INVALID_ARGUMENT for counts that do not match; errors of the
+/// source and of the map are passed on.
+absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses, const TargetMap& map,
+                                       const std::optional<Pose>& prior, const AlignParameters& parameters,
                                        const Progress& progress = {});
 
 /// The session that founds a map: its poses as given are the map frame. Refused if its ground and walls say that z is

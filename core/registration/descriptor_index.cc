@@ -99,7 +99,9 @@ DescriptorIndex::DescriptorIndex(std::span<const Descriptor> descriptors, std::s
   }
 }
 
-std::optional<DescriptorIndex::Nearest> DescriptorIndex::Find(const DescriptorRow& query, size_t probes) const {
+template <typename Admit>
+std::optional<DescriptorIndex::Nearest> DescriptorIndex::FindAdmitted(const DescriptorRow& query, size_t probes,
+                                                                      const Admit& admit) const {
   const std::span<const DescriptorRow> words = codebook_->words;
   std::array<std::pair<int32_t, uint32_t>, kMaxWords> order;
   for (uint32_t word = 0; word < words.size(); ++word) order[word] = {SquaredDistance(query, words[word]), word};
@@ -112,6 +114,8 @@ std::optional<DescriptorIndex::Nearest> DescriptorIndex::Find(const DescriptorRo
     const uint32_t word = order[k].second;
     for (uint32_t i = begin_[word]; i < begin_[word + 1]; ++i) {
       const int32_t squared = SquaredDistance(query, rows_[i]);
+      if (squared >= best.second_squared && squared != best.squared) continue;
+      if (!admit(indices_[i])) continue;
       if (squared < best.squared || (squared == best.squared && indices_[i] < best.index)) {
         best = {indices_[i], squared, best.squared};
       } else {
@@ -121,6 +125,15 @@ std::optional<DescriptorIndex::Nearest> DescriptorIndex::Find(const DescriptorRo
   }
   if (best.squared == kFar) return std::nullopt;
   return best;
+}
+
+std::optional<DescriptorIndex::Nearest> DescriptorIndex::Find(const DescriptorRow& query, size_t probes) const {
+  return FindAdmitted(query, probes, [](uint32_t) { return true; });
+}
+
+std::optional<DescriptorIndex::Nearest> DescriptorIndex::Find(const DescriptorRow& query, size_t probes,
+                                                              const std::function<bool(uint32_t index)>& admit) const {
+  return FindAdmitted(query, probes, admit);
 }
 
 }  // namespace mapkeep

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -44,8 +45,14 @@ class DescriptorIndex {
   /// The nearest two among the descriptors of the `probes` words nearest to the query; of equals the first. Nothing if
   /// there are none.
   std::optional<Nearest> Find(const DescriptorRow& query, size_t probes) const;
+  /// The same among the descriptors that `admit` says yes to.
+  std::optional<Nearest> Find(const DescriptorRow& query, size_t probes,
+                              const std::function<bool(uint32_t index)>& admit) const;
 
  private:
+  template <typename Admit>
+  std::optional<Nearest> FindAdmitted(const DescriptorRow& query, size_t probes, const Admit& admit) const;
+
   std::shared_ptr<const Codebook> codebook_;
   std::vector<uint32_t> begin_;      // of each word's entries, and one past the last
   std::vector<uint32_t> indices_;    // of the descriptors, by word, ascending in a word

@@ -13,6 +13,9 @@ struct TrustedWindow {
   Window window;
   Pose correction = Pose::Identity();
   double fitness = 0;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of its points, map frame
+  /// What its surfaces fix of its motion (Placement::information).
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Identity();
 };
 
 /// The weighted mean of poses: of translations, and of rotations as unit quaternions (Markley et al., 2007). Weights

@@ -113,6 +113,8 @@ GicpResult RefineByGicp(const SurfaceCloud& source, const SurfaceCloud& target, 
     NormalEquations sum = Linearise(source, target, tree, result.pose, centre, parameters);
     result.pairs = sum.pairs;
     if (sum.pairs == 0) return result;
+    result.centre = centre;
+    result.information = 2 * kFlatness * sum.hessian;
     sum.hessian.diagonal().array() += kDamping * static_cast<double>(sum.pairs);
     const Vector6 step = sum.hessian.ldlt().solve(sum.gradient);
     if (!step.allFinite()) return result;

@@ -29,6 +29,10 @@ struct GicpResult {
   Pose pose = Pose::Identity();  ///< T_target_source
   size_t pairs = 0;              ///< correspondences of the last iteration
   bool converged = false;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the source, target frame
+  /// What the surfaces fix of the motion (translation, rotation about the centre): its covariance is the inverse, if
+  /// every pair were off its surface by 1 m.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 /// Generalised ICP (Segal, Haehnel and Thrun, 2009): each point is a flat disc on its surface, and the pose makes the

@@ -65,9 +65,11 @@ Features FeaturesOf(const FacingPoints& input, double voxel_size, const MatcherP
   return features;
 }
 
-GlobalMatch MatchFeatures(const Features& source, const MatchTarget& target, const MatcherParameters& parameters) {
-  const auto matches =
-      MatchDescriptors(source.descriptors, target.features.descriptors, target.index, parameters.matching);
+namespace {
+
+// From matches to poses.
+GlobalMatch PosesFrom(std::span<const Match> matches, const Features& source, const MatchTarget& target,
+                      const MatcherParameters& parameters) {
   std::vector<PointPair> pairs;
   pairs.reserve(matches.size());
   for (const Match& match : matches) {
@@ -101,12 +103,35 @@ GlobalMatch MatchFeatures(const Features& source, const MatchTarget& target, con
   return result;
 }
 
-GlobalMatch MatchGlobally(const FacingPoints& source, std::span<const MatchTarget> targets,
+}  // namespace
+
+GlobalMatch MatchFeatures(const Features& source, const MatchTarget& target, const MatcherParameters& parameters) {
+  const auto matches =
+      MatchDescriptors(source.descriptors, target.features.descriptors, target.index, parameters.matching);
+  return PosesFrom(matches, source, target, parameters);
+}
+
+GlobalMatch MatchElsewhere(const Features& source, const MatchTarget& target, const Pose& place, double distance,
+                           const MatcherParameters& parameters) {
+  std::vector<Eigen::Vector3d> placed;
+  placed.reserve(source.points.size());
+  for (const Eigen::Vector3d& point : source.points) placed.push_back(place * point);
+  const AdmitMatch elsewhere = [&](uint32_t from, uint32_t to) {
+    return (placed[from] - target.features.points[to]).squaredNorm() > distance * distance;
+  };
+  MatchingParameters matching = parameters.matching;
+  matching.max_ratio = 1;
+  const auto matches =
+      MatchDescriptors(source.descriptors, target.features.descriptors, target.index, matching, elsewhere);
+  return PosesFrom(matches, source, target, parameters);
+}
+
+GlobalMatch MatchGlobally(const FacingPoints& source, std::span<const std::shared_ptr<const MatchTarget>> targets,
                           const MatcherParameters& parameters) {
   GlobalMatch all;
-  for (const MatchTarget& target : targets) {
-    const Features features = FeaturesOf(source, target.features.voxel_size, parameters);
-    GlobalMatch found = MatchFeatures(features, target, parameters);
+  for (const auto& target : targets) {
+    const Features features = FeaturesOf(source, target->features.voxel_size, parameters);
+    GlobalMatch found = MatchFeatures(features, *target, parameters);
     for (PoseCandidate& candidate : found.candidates) Add(std::move(candidate), all.candidates);
     if (!found.reason.empty()) all.reason += (all.reason.empty() ? "" : "; ") + found.reason;
     SortBestFirst(all.candidates);

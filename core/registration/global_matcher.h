@@ -67,10 +67,15 @@ struct GlobalMatch {
 /// The candidates of one voxel size, from features of the source at that of the target.
 GlobalMatch MatchFeatures(const Features& source, const MatchTarget& target, const MatcherParameters& parameters);
 
+/// The candidates for another place than `place` (T_target_source): no point of the source is matched within `distance`
+/// metres of where it lies there, and no match need be distinctive.
+GlobalMatch MatchElsewhere(const Features& source, const MatchTarget& target, const Pose& place, double distance,
+                           const MatcherParameters& parameters);
+
 /// Where the source lies in the target, without any prior: tries each target (one a voxel size, in the order to be
 /// tried) until a candidate has enough inliers. That nothing is found is a result, with its reason, not an error.
 /// Deterministic on any number of threads. Parallel on the calling oneTBB arena.
-GlobalMatch MatchGlobally(const FacingPoints& source, std::span<const MatchTarget> targets,
+GlobalMatch MatchGlobally(const FacingPoints& source, std::span<const std::shared_ptr<const MatchTarget>> targets,
                           const MatcherParameters& parameters);
 
 }  // namespace mapkeep

@@ -23,7 +23,9 @@ absl::Status QueryBuilder::Load(const Window& window) {
     }
     std::vector<Eigen::Vector3d> points;
     points.reserve(scan->points.size());
-    for (const Eigen::Vector3f& point : scan->points) points.push_back(point.cast<double>());
+    for (const Eigen::Vector3f& point : scan->points) {
+      if (point.norm() <= range_) points.push_back(point.cast<double>());
+    }
     for (const Eigen::Vector3d& point : ThinPoints(points, voxel_)) loaded[i]->push_back(point.cast<float>());
   });
   for (size_t i = 0; i < missing.size(); ++i) {
@@ -33,15 +35,18 @@ absl::Status QueryBuilder::Load(const Window& window) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<Eigen::Vector3d>> QueryBuilder::QueryOf(const Window& window) {
+absl::StatusOr<FacingPoints> QueryBuilder::QueryOf(const Window& window) {
   if (const absl::Status status = Load(window); !status.ok()) return status;
   const Pose to_first = poses_[window.first].inverse();
-  std::vector<Eigen::Vector3d> points;
+  FacingPoints all;
   for (size_t i = window.first; i <= window.last; ++i) {
     const Pose relative = to_first * poses_[i];
-    for (const Eigen::Vector3f& point : thinned_.at(i)) points.push_back(relative * point.cast<double>());
+    for (const Eigen::Vector3f& point : thinned_.at(i)) {
+      all.points.push_back(relative * point.cast<double>());
+      all.facing.emplace_back((relative.translation() - all.points.back()).stableNormalized());
+    }
   }
-  return ThinPoints(points, voxel_);
+  return ThinPoints(all, voxel_);
 }
 
 }  // namespace mapkeep

@@ -9,6 +9,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/scan.h"
+#include "core/registration/match_cloud.h"
 #include "core/registration/windows.h"
 
 namespace mapkeep {
@@ -17,13 +18,14 @@ namespace mapkeep {
 /// advance, thinned, and dropped when the windows have passed them.
 class QueryBuilder {
  public:
-  /// `poses` must outlive the builder. Scans and submaps are thinned to `voxel` metres.
-  QueryBuilder(ScanSource scans, std::span<const Pose> poses, double voxel)
-      : scans_(std::move(scans)), poses_(poses), voxel_(voxel) {}
+  /// `poses` must outlive the builder. Scans and submaps are thinned to `voxel` metres; points further than `range`
+  /// metres from their sensor are left out.
+  QueryBuilder(ScanSource scans, std::span<const Pose> poses, double voxel, double range)
+      : scans_(std::move(scans)), poses_(poses), voxel_(voxel), range_(range) {}
 
-  /// Q_u: the window's points in the frame of its first scan. Errors of the source are passed on, that of the first
-  /// scan if several fail.
-  absl::StatusOr<std::vector<Eigen::Vector3d>> QueryOf(const Window& window);
+  /// Q_u: the window's points in the frame of its first scan, each facing the sensor that saw it. Errors of the source
+  /// are passed on, that of the first scan if several fail.
+  absl::StatusOr<FacingPoints> QueryOf(const Window& window);
 
  private:
   absl::Status Load(const Window& window);
@@ -31,6 +33,7 @@ class QueryBuilder {
   ScanSource scans_;
   std::span<const Pose> poses_;
   double voxel_;
+  double range_;
   std::map<size_t, std::vector<Eigen::Vector3f>> thinned_;  // sensor frame, by scan
 };
 

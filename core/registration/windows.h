@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/geometry/pose.h"
-#include "core/registration/aligner.h"
+#include "core/registration/parameters.h"
 
 namespace mapkeep {
 

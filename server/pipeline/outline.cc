@@ -74,10 +74,13 @@ std::vector<BlockRange> ReachOf(const SessionOutline& outline, std::span<const P
   for (size_t i = 0; i < poses.size(); ++i) {
     const Eigen::AlignedBox3d box = outline.extents[i].transformed(poses[i]);
     const Eigen::Vector3d grown = Eigen::Vector3d::Constant(margin);
-    reach.push_back(
-        {BlockAt(box.min() - grown, kBlockSize * voxel_size), BlockAt(box.max() + grown, kBlockSize * voxel_size)});
+    reach.push_back(BlocksOf({box.min() - grown, box.max() + grown}, voxel_size));
   }
   return reach;
+}
+
+BlockRange BlocksOf(const Eigen::AlignedBox3d& box, double voxel_size) {
+  return {BlockAt(box.min(), kBlockSize * voxel_size), BlockAt(box.max(), kBlockSize * voxel_size)};
 }
 
 absl::StatusOr<std::vector<BlockKey>> BlocksWithin(const Snapshot& snapshot, std::span<const BlockRange> ranges) {

@@ -32,6 +32,9 @@ absl::StatusOr<SessionOutline> ReadOutline(size_t count, const std::function<abs
 std::vector<BlockRange> ReachOf(const SessionOutline& outline, std::span<const Pose> poses, double voxel_size,
                                 double margin);
 
+/// The blocks that a box touches, metres.
+BlockRange BlocksOf(const Eigen::AlignedBox3d& box, double voxel_size);
+
 /// Keys of the snapshot's blocks that lie in one of the ranges, in order.
 absl::StatusOr<std::vector<BlockKey>> BlocksWithin(const Snapshot& snapshot, std::span<const BlockRange> ranges);
 

@@ -90,9 +90,9 @@ class SessionRun {
       if (founds) new_origin_ = OriginFor(outline_.poses.front());
       const Eigen::Vector3d origin =
           new_origin_.value_or(base_->map().origin.value_or(Eigen::Vector3d(Eigen::Vector3d::Zero())));
-      std::vector<Pose> priors = outline_.poses;
-      for (Pose& pose : priors) pose.translation() -= origin;
-      return AlignToMap(*base_, scans_, outline_, priors, parameters_.align, part(0.3, 0.7));
+      std::vector<Pose> poses = outline_.poses;
+      for (Pose& pose : poses) pose.translation() -= origin;
+      return AlignToMap(*base_, scans_, poses, {}, parameters_.align, part(0.3, 0.7));
     });
     if (!alignment.ok()) return alignment.status();
     record_.report.windows = alignment->windows;

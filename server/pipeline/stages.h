@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,9 +21,10 @@ namespace mapkeep {
 // result does not depend on the number of threads. Poses are relative to the map's origin. All return CANCELLED when
 // `progress` says stop and pass errors of the store on.
 
-/// Stage "align": against the static voxels of `base` near the session; the first session of a map founds its frame.
-absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, const ScanSource& scans, const SessionOutline& outline,
-                                     std::span<const Pose> priors, const AlignParameters& parameters,
+/// Stage "align": against the static voxels of `base`, from the `prior` (T_map_session) if there is one; the first
+/// session of a map founds its frame.
+absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, const ScanSource& scans, std::span<const Pose> poses,
+                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
                                      const Progress& progress);
 
 /// Stage "clean": what moved, with exposures counted for the voxels of `base` that the session's rays can touch.

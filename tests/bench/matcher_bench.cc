@@ -155,14 +155,14 @@ int Run(int argc, char** argv) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const Drive drive = ReadDrive(folder);
   const FacingPoints map = Street(Joined(drive, 0, map_scans, Pose::Identity(), map_edge), copies);
-  std::vector<MatchTarget> targets;
+  std::vector<std::shared_ptr<const MatchTarget>> targets;
   for (const double v : {voxel, retry}) {
     const double start = Seconds();
     Features features = FeaturesOf(map, v, parameters);
     const double described = Seconds();
-    targets.emplace_back(std::move(features));
+    targets.push_back(std::make_shared<MatchTarget>(std::move(features)));
     std::printf("target %.1f m: %zu points given, %zu features, described in %.3f s, indexed in %.3f s\n", v,
-                map.points.size(), targets.back().features.points.size(), described - start, Seconds() - described);
+                map.points.size(), targets.back()->features.points.size(), described - start, Seconds() - described);
   }
 
   std::mt19937 random(7);
@@ -190,14 +190,14 @@ int Run(int argc, char** argv) {
     const Features features = FeaturesOf(source, voxel, parameters);
     double t1 = Seconds();
     describe_s += t1 - t0;
-    const auto matches =
-        MatchDescriptors(features.descriptors, targets[0].features.descriptors, targets[0].index, parameters.matching);
+    const auto matches = MatchDescriptors(features.descriptors, targets[0]->features.descriptors, targets[0]->index,
+                                          parameters.matching);
     double t2 = Seconds();
     match_s += t2 - t1;
     std::vector<PointPair> pairs;
     size_t right = 0;
     for (const Match& m : matches) {
-      pairs.push_back({features.points[m.source], targets[0].features.points[m.target]});
+      pairs.push_back({features.points[m.source], targets[0]->features.points[m.target]});
       right += (truth * pairs.back().source - pairs.back().target).norm() < 1.5 * voxel ? 1 : 0;
     }
     t2 = Seconds();

@@ -121,6 +121,14 @@ Pose MotionAbout(const Eigen::Vector3d& place, double metres, double degrees, st
          Eigen::AngleAxisd(degrees * share(random) * std::numbers::pi / 180, axis) * middle.inverse();
 }
 
+// Turned about z and moved, as a robot's own frame is.
+Pose TurnAndShift(double metres, double degrees, std::mt19937& random) {
+  std::uniform_real_distribution<double> any(-1, 1);
+  const Eigen::Vector3d shift(metres * any(random), metres * any(random), 3 * any(random));
+  return Eigen::Translation3d(shift) *
+         Eigen::AngleAxisd(degrees * any(random) * std::numbers::pi / 180, Eigen::Vector3d::UnitZ());
+}
+
 int Run(int count, char** arguments) {
   if (count < 2) {
     std::fprintf(stderr, "usage: registration_bench KITTI_DIR [CASES [METRES DEGREES [MAP SESSION]]]\n");
@@ -149,11 +157,13 @@ int Run(int count, char** arguments) {
   const auto found = FoundMapFrame(founder.scans, founder.poses, {});
   std::printf("FoundMapFrame: %s, %.2f s\n", found->accepted ? "accepted" : found->reason.c_str(),
               Seconds(found_start));
-  const RegistrationTarget target = TargetOf(*map);
+  const TargetMap target = MapOf(TargetOf(*map));
 
   std::mt19937 random(1);
   for (int n = 0; n < cases; ++n) {
-    const Pose motion = MotionAbout(session.poses[session.poses.size() / 2].translation(), metres, degrees, random);
+    Pose motion = MotionAbout(session.poses[session.poses.size() / 2].translation(), metres, degrees, random);
+    // More than a tilt can be is a turn about the vertical, which in these frames is z.
+    if (degrees > 10) motion = TurnAndShift(metres, degrees, random);
     std::vector<Pose> poses;
     double moved = 0;
     for (const Pose& pose : session.poses) {
@@ -161,13 +171,13 @@ int Run(int count, char** arguments) {
       moved = std::max(moved, (poses.back().translation() - pose.translation()).norm());
     }
     const auto begin = std::chrono::steady_clock::now();
-    const auto alignment = AlignSession(session.scans, poses, target, {});
+    const auto alignment = AlignSession(session.scans, poses, target, {}, {});
     std::printf("case %d: moved up to %.2f m; ", n, moved);
     Print(*alignment, session.poses, Seconds(begin));
   }
   const Session foreign = Mirrored(session);
   std::printf("mirrored: ");
-  Print(*AlignSession(foreign.scans, foreign.poses, target, {}), foreign.poses, 0);
+  Print(*AlignSession(foreign.scans, foreign.poses, target, {}, {}), foreign.poses, 0);
   return 0;
 }
 

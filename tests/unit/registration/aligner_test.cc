@@ -37,7 +37,7 @@ int TrustedCount(const Alignment& alignment) {
 
 Alignment Aligned(const std::vector<Scan>& scans, const std::vector<Pose>& poses, const RegistrationTarget& target,
                   const AlignParameters& parameters = {}) {
-  const auto alignment = AlignSession(SourceOf(scans), poses, target, parameters);
+  const auto alignment = AlignSession(SourceOf(scans), poses, MapOf(target), Pose::Identity(), parameters);
   EXPECT_TRUE(alignment.ok()) << alignment.status();
   return alignment.ok() ? *alignment : Alignment{};
 }
@@ -183,20 +183,24 @@ TEST(AlignSession, PassesErrorsOnAndStopsWhenTold) {
   const RegistrationTarget target = TargetOf(street);
   ScanSource source = SourceOf(ScansOf(street, poses));
   std::vector<double> heard;
-  ASSERT_TRUE(AlignSession(source, poses, target, {}, [&](double f) { return heard.push_back(f), true; }).ok());
+  ASSERT_TRUE(AlignSession(source, poses, MapOf(target), Pose::Identity(), {}, [&](double f) {
+                return heard.push_back(f), true;
+              }).ok());
   EXPECT_TRUE(std::ranges::is_sorted(heard));
   EXPECT_DOUBLE_EQ(heard.back(), 1);
-  EXPECT_TRUE(absl::IsCancelled(AlignSession(source, poses, target, {}, [](double) { return false; }).status()));
+  EXPECT_TRUE(absl::IsCancelled(
+      AlignSession(source, poses, MapOf(target), Pose::Identity(), {}, [](double) { return false; }).status()));
 
   const auto fewer = std::vector<Pose>(poses.begin(), poses.end() - 1);
-  EXPECT_THAT(AlignSession(source, fewer, target, {}).status().ToString(), HasSubstr("21 scans but 20 poses"));
-  EXPECT_THAT(AlignSession(source, poses, target, {.source_voxel = 0}).status().ToString(),
+  EXPECT_THAT(AlignSession(source, fewer, MapOf(target), Pose::Identity(), {}).status().ToString(),
+              HasSubstr("21 scans but 20 poses"));
+  EXPECT_THAT(AlignSession(source, poses, MapOf(target), Pose::Identity(), {.source_voxel = 0}).status().ToString(),
               HasSubstr("source_voxel is 0 m"));
   source.read = [](size_t index) -> absl::StatusOr<Scan> {
     if (index >= 4) return absl::DataLossError("scan " + std::to_string(index) + " is torn");
     return Scan{.points = {{1, 1, 1}}};
   };
-  const auto torn = AlignSession(source, poses, target, {});
+  const auto torn = AlignSession(source, poses, MapOf(target), Pose::Identity(), {});
   EXPECT_TRUE(absl::IsDataLoss(torn.status()));
   EXPECT_THAT(torn.status().ToString(), HasSubstr("scan 4 is torn"));
 }

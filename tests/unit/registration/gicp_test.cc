@@ -68,14 +68,19 @@ TEST(Gicp, WithoutAPairTheGuessComesBack) {
 TEST(Fitness, IsTheShareOfPointsNearTheTarget) {
   const SurfaceCloud target{{{0, 0, 0}, {0, 0, 10}, {0, 0, 20}}, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
   const PointTree tree(target.points);
-  const std::vector<Eigen::Vector3d> points{{0.3, 0, 0}, {0, 0, 10.4}, {0, 0, 19.8}, {0, 0, 5}};
-  const Fit fit = FitOf(points, target, tree, Pose::Identity(), 0.5);
+  const std::vector<Eigen::Vector3d> points{{0.3, 0, 0}, {0, 0, 10.4}, {0, 0, 20.2}, {0, 1.5, 1}, {0, 0, 5}};
+  const Fit fit = FitOf(points, target, tree, Coverage(target.points), Pose::Identity(), 0.5);
   EXPECT_EQ(fit.inliers, 3U);
+  // The last point lies where the target knows nothing.
   EXPECT_DOUBLE_EQ(fit.fitness, 0.75);
+  EXPECT_DOUBLE_EQ(fit.coverage, 0.8);
+  // The first two inliers are off their planes, by 0.3 and 0 m; the third by 0.2 m.
+  EXPECT_DOUBLE_EQ(fit.precision, 1.0 / 3);
   EXPECT_NEAR(fit.observability, 1.0 / 3, 1e-12);
-  const Fit plane = FitOf(std::vector{points[0], points[1]}, target, tree, Pose::Identity(), 0.5);
+  const Fit plane =
+      FitOf(std::vector{points[0], points[1]}, target, tree, Coverage(target.points), Pose::Identity(), 0.5);
   EXPECT_NEAR(plane.observability, 0, 1e-12);
-  EXPECT_EQ(FitOf({}, target, tree, Pose::Identity(), 0.5).inliers, 0U);
+  EXPECT_EQ(FitOf({}, target, tree, Coverage(target.points), Pose::Identity(), 0.5).inliers, 0U);
 }
 
 }  // namespace

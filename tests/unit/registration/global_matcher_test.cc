@@ -69,9 +69,9 @@ Pose MotionOf(double yaw, const Eigen::Vector3d& offset) {
   return motion;
 }
 
-std::vector<MatchTarget> TargetsOf(const FacingPoints& map) {
-  std::vector<MatchTarget> targets;
-  for (const double voxel : {0.5, 1.0}) targets.emplace_back(FeaturesOf(map, voxel, {}));
+std::vector<std::shared_ptr<const MatchTarget>> TargetsOf(const FacingPoints& map) {
+  std::vector<std::shared_ptr<const MatchTarget>> targets;
+  for (const double voxel : {0.5, 1.0}) targets.push_back(std::make_shared<MatchTarget>(FeaturesOf(map, voxel, {})));
   return targets;
 }
 

@@ -40,10 +40,10 @@ TEST(Matching, OfTwoSourcesThatWantOneTargetOnlyTheNearerGetsIt) {
 }
 
 TEST(Matching, AnAmbiguousSourceHasNoMatch) {
-  // 20^2 / 21^2 = 0.907 is above 0.9.
-  EXPECT_THAT(MatchesOf(On({120}), On({100, 141})), ElementsAre());
-  // 20^2 / 22^2 = 0.83 is below.
-  EXPECT_THAT(MatchesOf(On({120}), On({100, 142})), ElementsAre(std::pair(0U, 0U)));
+  // 80^2 / 81^2 = 0.975 is above 0.97.
+  EXPECT_THAT(MatchesOf(On({100}), On({20, 181})), ElementsAre());
+  // 80^2 / 82^2 = 0.952 is below.
+  EXPECT_THAT(MatchesOf(On({100}), On({20, 182})), ElementsAre(std::pair(0U, 0U)));
 }
 
 TEST(Matching, EqualTargetsCannotBeToldApart) { EXPECT_THAT(MatchesOf(On({50, 50}), On({50, 50})), ElementsAre()); }

@@ -19,7 +19,7 @@ TEST(ThinPoints, GivesTheMeanOfEachVoxelInTheOrderTheyOccur) {
 TEST(ThinPoints, LeavesOutWhatHasNoPlace) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(ThinPoints(std::vector<Eigen::Vector3d>{{nan, 0, 0}, {0, inf, 0}, {0, 0, -1e9}}, 0.3).empty());
-  EXPECT_TRUE(ThinPoints({}, 0.3).empty());
+  EXPECT_TRUE(ThinPoints(std::vector<Eigen::Vector3d>{}, 0.3).empty());
 }
 
 }  // namespace

@@ -1,0 +1,73 @@
+#include "core/registration/placement.h"
+
+#include <utility>
+
+#include "core/registration/surface_normals.h"
+#include "core/registration/thinning.h"
+
+namespace mapkeep {
+namespace {
+
+constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
+constexpr double kFineThinning = 2;
+
+SurfaceCloud SurfacesOf(std::vector<Eigen::Vector3d> at, std::span<const Eigen::Vector3d> points,
+                        const PointTree& tree) {
+  SurfaceCloud cloud{.points = std::move(at)};
+  cloud.normals.reserve(cloud.points.size());
+  for (const SurfaceNormal& surface : SurfaceNormalsAt(cloud.points, points, tree)) {
+    cloud.normals.push_back(surface.normal);
+  }
+  return cloud;
+}
+
+}  // namespace
+
+Placer::Placer(RegistrationTarget target, const AlignParameters& parameters)
+    : parameters_(parameters),
+      target_{std::move(target.points), std::move(target.normals)},
+      tree_(target_.points),
+      coverage_(target_.points) {}
+
+Placement Placer::Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const {
+  Placement placement{.pose = guess};
+  if (target_.points.empty() || query.empty()) return placement;
+  const PointTree query_tree(query);
+  const auto round = [&](double thinning, double correspondence, double robust_width) {
+    const SurfaceCloud source = SurfacesOf(ThinPoints(query, thinning * parameters_.source_voxel), query, query_tree);
+    const GicpResult result = RefineByGicp(source, target_, tree_, placement.pose,
+                                           {.max_correspondence = correspondence,
+                                            .robust_width = robust_width,
+                                            .max_iterations = parameters_.max_iterations});
+    placement.pose = result.pose;
+    placement.centre = result.centre;
+    placement.information = result.information;
+    return result.pairs > 0;
+  };
+  if (round(kCoarseThinning, parameters_.coarse_correspondence, parameters_.coarse_robust_width)) {
+    round(kFineThinning, parameters_.fine_correspondence, parameters_.fine_robust_width);
+  }
+  placement.fit = FitOf(query, target_, tree_, coverage_, placement.pose, parameters_.inlier_distance);
+  placement.correction = (placement.pose.translation() - guess.translation()).norm();
+  placement.rotation = AngleBetween(placement.pose, guess);
+  return placement;
+}
+
+bool FitsMap(const Fit& fit, const AlignParameters& parameters) {
+  return fit.fitness >= parameters.min_fitness && fit.inliers >= static_cast<size_t>(parameters.min_inliers) &&
+         fit.observability >= parameters.min_observability && fit.precision >= parameters.min_precision &&
+         fit.coverage >= parameters.min_coverage;
+}
+
+bool FitsMapWithoutPrior(const Fit& fit, const AlignParameters& parameters) {
+  return FitsMap(fit, parameters) && fit.fitness >= parameters.first_fitness &&
+         fit.precision >= parameters.first_precision && fit.coverage >= parameters.first_coverage;
+}
+
+bool Agree(const Pose& predicted, const Pose& found, double travel, const AlignParameters& parameters) {
+  return (predicted.translation() - found.translation()).norm() <=
+             parameters.agree_distance + parameters.agree_per_metre * travel &&
+         AngleBetween(predicted, found) <= parameters.agree_rotation + parameters.agree_turn * travel;
+}
+
+}  // namespace mapkeep

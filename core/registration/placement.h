@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <span>
+
+#include "core/geometry/pose.h"
+#include "core/registration/fitness.h"
+#include "core/registration/gicp.h"
+#include "core/registration/parameters.h"
+#include "core/registration/point_tree.h"
+#include "core/registration/target_map.h"
+
+namespace mapkeep {
+
+/// Where refinement put a window, and how well it lies there.
+struct Placement {
+  Pose pose = Pose::Identity();  ///< T_map_window
+  Fit fit;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the window's points, map frame
+  Eigen::Matrix<double, 6, 6> information =
+      Eigen::Matrix<double, 6, 6>::Zero();  ///< GicpResult::information where refinement ended
+  double correction = 0;                    ///< metres between the guess and the pose, at the window's first sensor
+  double rotation = 0;                      ///< radians between them
+};
+
+/// A part of the map with its search tree, on which windows are placed.
+class Placer {
+ public:
+  Placer(RegistrationTarget target, const AlignParameters& parameters);
+  Placer(const Placer&) = delete;
+  Placer& operator=(const Placer&) = delete;
+
+  bool empty() const { return target_.points.empty(); }
+
+  /// Coarse, then fine GICP from the guess, and the fit where that ends. `query` in the window's frame.
+  Placement Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const;
+
+ private:
+  AlignParameters parameters_;
+  SurfaceCloud target_;
+  PointTree tree_;
+  Coverage coverage_;
+};
+
+/// What every window that is believed must show, however it was placed: fitness, inliers, and surroundings that fix it
+/// in every direction.
+bool FitsMap(const Fit& fit, const AlignParameters& parameters);
+/// What a window placed without a prior must show on top of that.
+bool FitsMapWithoutPrior(const Fit& fit, const AlignParameters& parameters);
+
+/// Whether two places of windows follow from one another by odometry: `predicted` and `found` are poses of the same
+/// window, `travel` the metres between the windows that they come from.
+bool Agree(const Pose& predicted, const Pose& found, double travel, const AlignParameters& parameters);
+
+}  // namespace mapkeep

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/registration/parameters.h"
+#include "core/registration/query.h"
+#include "core/registration/target_map.h"
+#include "core/registration/windows.h"
+
+namespace mapkeep {
+
+/// A window from which a session can be tracked.
+struct Seed {
+  Window window;
+  Pose correction = Pose::Identity();  ///< T_map_session, exact at the window
+};
+
+/// The outcome of a search: a seed, or why there is none.
+struct SeedSearch {
+  std::optional<Seed> seed;
+  std::string reason;
+};
+
+/// Told before each window of a search; returns false to stop it, which makes the search return CANCELLED.
+using SearchProgress = std::function<bool()>;
+
+/// Whether the poses as given are the map frame already: windows along the session are placed from there, and it holds
+/// if they fit as windows without a prior must, agree with one another, and most of those inside the map do so.
+absl::StatusOr<SeedSearch> TryAsGiven(QueryBuilder& queries, std::span<const Pose> poses,
+                                      std::span<const Window> windows, const TargetMap& map,
+                                      const AlignParameters& parameters, const SearchProgress& progress);
+
+/// Looks for the session all over the map, or within `prior_reach` of where `prior` (T_map_session) puts it: windows
+/// are matched globally, spread over the session at first and beside a place once one was found, until two that share
+/// no scan agree on it.
+absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose> poses,
+                                     std::span<const Window> windows, const TargetMap& map,
+                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
+                                     const SearchProgress& progress);
+
+/// Boxes about the sensor positions of a window under a correction, `reach` metres to every side.
+Eigen::AlignedBox3d BoxOfWindow(const Window& window, std::span<const Pose> poses, const Pose& correction,
+                                double reach);
+
+/// Metres of travel between the middles of two windows. `travel` as TravelOf gives it.
+double TravelBetween(const Window& a, const Window& b, std::span<const double> travel);
+
+}  // namespace mapkeep

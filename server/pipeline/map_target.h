@@ -1,0 +1,16 @@
+#pragma once
+
+#include "core/registration/target_map.h"
+#include "storage/map_store.h"
+
+namespace mapkeep {
+
+/// A state of a map as registration reads it: its static voxels, block by block, and what the global matcher is to
+/// search, described when first asked for. `base` outlives it.
+TargetMap TargetOf(const Snapshot& base, const MatcherParameters& parameters);
+
+/// The blocks of these keys, all there.
+absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(const Snapshot& snapshot,
+                                                                     std::span<const BlockKey> keys);
+
+}  // namespace mapkeep
