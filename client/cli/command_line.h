@@ -38,6 +38,7 @@ void AddMapCommands(CommandLine& line);
 void AddSessionCommands(CommandLine& line);
 void AddExportCommand(CommandLine& line);
 void AddQueryCommand(CommandLine& line);
+void AddLocalizeCommand(CommandLine& line);
 void AddCleanCommand(CommandLine& line);
 void AddPictureCommand(CommandLine& line);
 void AddSimulateCommand(CommandLine& line);
