@@ -1,5 +1,7 @@
 #include "storage/session_codec.h"
 
+#include <algorithm>
+
 #include "storage/record_codec.h"
 #include "storage/records.pb.h"
 #include "storage/text.h"
@@ -18,6 +20,8 @@ void CopyTo(const SessionReport& from, storage::SessionReport& to) {
     added.set_rotation(window.rotation);
     added.set_observability(window.observability);
     added.set_trusted(window.trusted);
+    added.set_precision(window.precision);
+    added.set_coverage(window.coverage);
   }
   for (const StageTime& stage : from.stages) {
     storage::StageTime& added = *to.add_stages();
@@ -39,7 +43,8 @@ SessionReport ReportOf(const storage::SessionReport& from) {
   SessionReport report;
   for (const storage::Window& window : from.windows()) {
     report.windows.push_back({window.first_scan(), window.last_scan(), window.fitness(), window.inliers(),
-                              window.correction(), window.rotation(), window.observability(), window.trusted()});
+                              window.correction(), window.rotation(), window.observability(), window.trusted(),
+                              window.precision(), window.coverage()});
   }
   for (const storage::StageTime& stage : from.stages()) report.stages.push_back({stage.stage(), stage.seconds()});
   report.points = from.points();
@@ -75,6 +80,9 @@ std::string EncodeSession(const StoredSession& session) {
   row.set_poses(session.poses);
   row.set_pose_count(session.pose_count);
   row.set_revision(session.revision);
+  if (record.initial_pose) row.mutable_initial_pose()->Add(record.initial_pose->begin(), record.initial_pose->end());
+  row.set_lacks_map(record.lacks_map);
+  row.set_retries(record.retries);
   return EncodeRecord(row);
 }
 
@@ -103,6 +111,12 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   session.poses = row->poses();
   session.pose_count = row->pose_count();
   session.revision = row->revision();
+  if (row->initial_pose_size() == 4) {
+    record.initial_pose.emplace();
+    std::copy(row->initial_pose().begin(), row->initial_pose().end(), record.initial_pose->begin());
+  }
+  record.lacks_map = row->lacks_map();
+  record.retries = row->retries();
   return session;
 }
 

@@ -373,6 +373,9 @@ absl::Status SessionStore::Update(const SessionRecord& session, SessionState exp
                          next.start_time = session.start_time;
                          next.reason = session.reason;
                          next.report = session.report;
+                         next.initial_pose = session.initial_pose;
+                         next.lacks_map = session.lacks_map;
+                         next.retries = session.retries;
                          const bool active = IsActive(next.state);
                          change.beside.push_back({ActiveRow(next), active ? std::optional("") : std::nullopt});
                          return change;

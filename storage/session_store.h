@@ -3,6 +3,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -50,6 +51,10 @@ struct SessionRecord {
   double created = 0, ended = 0, start_time = 0;  ///< seconds since 1970 (UTC)
   std::string reason;                             ///< why it was refused or failed
   SessionReport report;
+  /// Where the first scan was taken, if anybody said so: x, y, z in the map frame, and yaw (metres, radians).
+  std::optional<std::array<double, 4>> initial_pose;
+  bool lacks_map = false;  ///< refused, and the map may just not reach there yet
+  uint32_t retries = 0;    ///< times that the daemon has tried it again by itself
 };
 
 /// A scan as it waits for the pipeline: as uploaded, bit for bit.

@@ -41,6 +41,7 @@ void AddHistoryCommands(CommandLine& line, CLI::App& group);
 void AddSessionCommands(CommandLine& line);
 void AddExportCommand(CommandLine& line);
 void AddQueryCommand(CommandLine& line);
+void AddLocalizeCommand(CommandLine& line);
 void AddCleanCommand(CommandLine& line);
 void AddPictureCommand(CommandLine& line);
 void AddSimulateCommand(CommandLine& line);

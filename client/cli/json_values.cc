@@ -16,6 +16,8 @@ nlohmann::json JsonOf(const SessionInfo::Report& report) {
                        {"correction", window.correction},
                        {"rotation", window.rotation},
                        {"observability", window.observability},
+                       {"precision", window.precision},
+                       {"coverage", window.coverage},
                        {"trusted", window.trusted}});
   }
   nlohmann::json stages = nlohmann::json::array();

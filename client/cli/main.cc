@@ -13,6 +13,7 @@ constexpr char kExamples[] = R"(Examples:
   mapkeep session upload street drive-0005 --wait
   mapkeep export street street.pcd
   mapkeep query street 12.5 -3.0 0.4
+  mapkeep localize street drive-0005 --frames 0:9
   mapkeep clean drive-0005 out          (no server needed)
   mapkeep simulate street               (no server needed)
 
@@ -35,6 +36,7 @@ int Run(int argc, char** argv) {
   AddSessionCommands(line);
   AddExportCommand(line);
   AddQueryCommand(line);
+  AddLocalizeCommand(line);
   AddCleanCommand(line);
   AddPictureCommand(line);
   AddSimulateCommand(line);

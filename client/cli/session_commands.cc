@@ -6,9 +6,11 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "client/cli/arguments.h"
 #include "client/cli/command_line.h"
 #include "client/cli/json_values.h"
 #include "client/cli/output.h"
@@ -24,6 +26,7 @@ struct SessionArguments {
   std::string map;
   std::string id;
   std::string file;
+  std::string initial_pose;  ///< of `retry`; empty: none
 };
 
 ExitCode List(const GlobalOptions& options, const SessionArguments& arguments) {
@@ -54,6 +57,19 @@ ExitCode Show(const GlobalOptions& options, const SessionArguments& arguments) {
 
 ExitCode Watch(const GlobalOptions& options, const SessionArguments& arguments) {
   return WatchToTheEnd(options, options.Connect(), arguments.map, arguments.id);
+}
+
+ExitCode Retry(const GlobalOptions& options, const SessionArguments& arguments) {
+  std::optional<KnownStart> start;
+  if (!arguments.initial_pose.empty()) {
+    const absl::StatusOr<InitialPose> given = ParseInitialPose("--initial-pose", arguments.initial_pose);
+    if (!given.ok()) return BadInput(given.status());
+    start = KnownStart{given->position.x(), given->position.y(), given->position.z(), given->yaw};
+  }
+  const absl::StatusOr<SessionInfo> session = options.Connect().RetrySession(arguments.map, arguments.id, start);
+  if (!session.ok()) return Fail(session.status());
+  PrintSession(options, *session);
+  return ExitCode::kDone;
 }
 
 ExitCode Delete(const GlobalOptions& options, const SessionArguments& arguments) {
@@ -105,6 +121,9 @@ void AddSessionCommands(CommandLine& line) {
   add("list", "List the sessions of a map", List);
   add_for_one("show", "State and report of a session", Show);
   add_for_one("watch", "Follow a session until it has ended", Watch);
+  add_for_one("retry", "Try a refused or failed session once more", Retry)
+      ->add_option("--initial-pose", arguments->initial_pose,
+                   "X,Y,Z,YAW of its first scan in the map frame, roughly: metres and degrees");
   add_for_one("delete", "Forget a session and its scans; what it merged stays in the map", Delete);
   add_for_one("poses", "Save the aligned poses of its scans in the map frame, 3x4 rows", SavePoses)
       ->add_option("OUT", arguments->file, "Text file to write")

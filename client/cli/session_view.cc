@@ -47,12 +47,13 @@ void AppendReport(const SessionInfo::Report& report, Fields* fields) {
 void PrintWindows(const std::vector<SessionInfo::Window>& windows) {
   if (windows.empty()) return;
   std::vector<std::vector<std::string>> rows = {
-      {"WINDOW", "FITNESS", "INLIERS", "MOVED_M", "TURNED_DEG", "OBSERVABILITY", "TRUSTED"}};
+      {"WINDOW", "FITNESS", "INLIERS", "MOVED_M", "TURNED_DEG", "OBSERVABILITY", "PRECISION", "COVERAGE", "TRUSTED"}};
   for (const SessionInfo::Window& window : windows) {
     rows.push_back({absl::StrFormat("%d-%d", window.first_scan, window.last_scan),
                     absl::StrFormat("%.3f", window.fitness), absl::StrCat(window.inliers),
                     absl::StrFormat("%.3f", window.correction), absl::StrFormat("%.3f", window.rotation * kDegrees),
-                    absl::StrFormat("%.3f", window.observability), window.trusted ? "yes" : "no"});
+                    absl::StrFormat("%.3f", window.observability), absl::StrFormat("%.3f", window.precision),
+                    absl::StrFormat("%.3f", window.coverage), window.trusted ? "yes" : "no"});
   }
   PrintTable(rows);
 }

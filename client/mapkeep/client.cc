@@ -140,6 +140,16 @@ absl::StatusOr<SessionInfo> Client::WatchSession(std::string_view map, std::stri
   }
 }
 
+absl::StatusOr<SessionInfo> Client::RetrySession(std::string_view map, std::string_view id,
+                                                 const std::optional<KnownStart>& start) const {
+  auto request = SessionRequest<v1::RetrySessionRequest>(map, id);
+  if (start) *request.mutable_initial_pose() = ToWire(*start);
+  v1::RetrySessionResponse response;
+  const absl::Status status = connection_->Call(connection_->sessions(), &Sessions::RetrySession, request, &response);
+  if (!status.ok()) return status;
+  return FromWire(response.session());
+}
+
 absl::Status Client::DeleteSession(std::string_view map, std::string_view id) const {
   v1::DeleteSessionResponse response;
   return connection_->Call(connection_->sessions(), &Sessions::DeleteSession,

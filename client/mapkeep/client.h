@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "client/mapkeep/localize.h"
 #include "client/mapkeep/map_info.h"
 #include "client/mapkeep/session_info.h"
 #include "core/geometry/pose.h"
@@ -98,6 +99,11 @@ class Client {
   /// the session as it was last.
   absl::StatusOr<SessionInfo> WatchSession(std::string_view map, std::string_view id,
                                            const std::function<bool(const SessionInfo&)>& changed) const;
+  /// Queues a refused or failed session once more, from where its first scan was taken if that is given.
+  absl::StatusOr<SessionInfo> RetrySession(std::string_view map, std::string_view id,
+                                           const std::optional<KnownStart>& start) const;
+  /// Where a few scans were taken in a map. That it cannot be told is an answer, not an error.
+  absl::StatusOr<LocalizeAnswer> Localize(const LocalizeQuestion& question) const;
   absl::Status DeleteSession(std::string_view map, std::string_view id) const;
   /// Aligned poses of a committed session, T_map_sensor, one a scan.
   absl::StatusOr<std::vector<Pose>> ListScanPoses(std::string_view map, std::string_view id) const;

@@ -34,7 +34,8 @@ Connection::Connection(const ClientOptions& options)
       admin_(v1::AdminService::NewStub(channel_)),
       maps_(v1::MapService::NewStub(channel_)),
       sessions_(v1::SessionService::NewStub(channel_)),
-      tiles_(v1::TileService::NewStub(channel_)) {}
+      tiles_(v1::TileService::NewStub(channel_)),
+      localization_(v1::LocalizationService::NewStub(channel_)) {}
 
 absl::Status Connection::WaitForServer() const {
   if (channel_->WaitForConnected(absl::ToChronoTime(absl::Now() + absl::Seconds(options_.connect_seconds)))) {

@@ -10,6 +10,7 @@
 
 #include "client/mapkeep/client.h"
 #include "mapkeep/v1/admin_service.grpc.pb.h"
+#include "mapkeep/v1/localization_service.grpc.pb.h"
 #include "mapkeep/v1/map_service.grpc.pb.h"
 #include "mapkeep/v1/session_service.grpc.pb.h"
 #include "mapkeep/v1/tile_service.grpc.pb.h"
@@ -26,6 +27,7 @@ class Connection {
   v1::MapService::Stub& maps() const { return *maps_; }
   v1::SessionService::Stub& sessions() const { return *sessions_; }
   v1::TileService::Stub& tiles() const { return *tiles_; }
+  v1::LocalizationService::Stub& localization() const { return *localization_; }
 
   /// Waits up to connect_seconds for the server. UNAVAILABLE naming its address.
   absl::Status WaitForServer() const;
@@ -53,6 +55,7 @@ class Connection {
   std::unique_ptr<v1::MapService::Stub> maps_;
   std::unique_ptr<v1::SessionService::Stub> sessions_;
   std::unique_ptr<v1::TileService::Stub> tiles_;
+  std::unique_ptr<v1::LocalizationService::Stub> localization_;
 };
 
 /// How long to go on trying: waits between attempts, longer each time, until `seconds` have passed without progress.

@@ -8,6 +8,12 @@
 
 namespace mapkeep {
 
+/// Where a first scan was taken: position relative to the map's origin, metres, and yaw, radians.
+struct KnownStart {
+  double x = 0, y = 0, z = 0;
+  double yaw = 0;
+};
+
 /// A session as the server tells of it; see proto/mapkeep/v1/session_service.proto.
 struct SessionInfo {
   enum class State : uint8_t { kUnknown, kUploading, kQueued, kRunning, kCommitted, kRefused, kFailed, kRolledBack };
@@ -20,6 +26,8 @@ struct SessionInfo {
     double correction = 0;     ///< metres that refinement moved it
     double rotation = 0;       ///< radians that refinement turned it
     double observability = 0;  ///< [0, 1]: how well the surroundings fix the weakest direction; near 0 one is open
+    double precision = 0;      ///< share of the inliers that lie on a surface of the map
+    double coverage = 0;       ///< share of its points where the map knows anything
     bool trusted = false;
   };
 

@@ -52,6 +52,8 @@ SessionInfo::Report FromWire(const v1::SessionReport& wire) {
                               .correction = window.correction(),
                               .rotation = window.rotation(),
                               .observability = window.observability(),
+                              .precision = window.precision(),
+                              .coverage = window.coverage(),
                               .trusted = window.trusted()});
   }
   for (const v1::StageTime& stage : wire.stages()) report.stages.push_back({stage.stage(), stage.seconds()});
@@ -201,6 +203,13 @@ void ToWire(const Eigen::Vector3d& point, v1::Point* wire) {
   wire->set_x(point.x());
   wire->set_y(point.y());
   wire->set_z(point.z());
+}
+
+v1::InitialPose ToWire(const KnownStart& start) {
+  v1::InitialPose wire;
+  ToWire(Eigen::Vector3d(start.x, start.y, start.z), wire.mutable_position());
+  wire.set_yaw(start.yaw);
+  return wire;
 }
 
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire) {

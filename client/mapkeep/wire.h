@@ -6,6 +6,7 @@
 #include "client/mapkeep/session_info.h"
 #include "core/geometry/pose.h"
 #include "core/voxels/block.h"
+#include "mapkeep/v1/common.pb.h"
 #include "mapkeep/v1/map_service.pb.h"
 #include "mapkeep/v1/session_service.pb.h"
 #include "mapkeep/v1/tile_service.pb.h"
@@ -23,6 +24,7 @@ absl::StatusOr<Pose> FromWire(const v1::Pose& pose);
 absl::StatusOr<Block> FromWire(const v1::VoxelBlock& block);
 
 void ToWire(const Eigen::Vector3d& point, v1::Point* wire);
+v1::InitialPose ToWire(const KnownStart& start);
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire);
 void ToWire(const Pose& pose, v1::Pose* wire);
 v1::CreateMapRequest ToWire(const NewMap& map);

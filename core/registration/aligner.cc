@@ -246,6 +246,7 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
         alignment.windows.push_back(result);
       }
       alignment.reason = search->reason;
+      alignment.lacks_map = !prior;  // it may lie where the map does not reach yet
       if (prior) {
         alignment.lacks_map = tracker.nothing_near();
         alignment.reason = (tracker.nothing_near() ? "the map has nothing static near the session"

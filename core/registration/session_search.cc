@@ -107,6 +107,13 @@ Eigen::AlignedBox3d BoxOfWindow(const Window& window, std::span<const Pose> pose
   return {box.min() - Eigen::Vector3d::Constant(reach), box.max() + Eigen::Vector3d::Constant(reach)};
 }
 
+Pose PriorFrom(const Eigen::Vector3d& position, double yaw, const Pose& first) {
+  const Eigen::Vector3d heading = first.linear().col(0);
+  const double turn = yaw - std::atan2(heading.y(), heading.x());
+  return Eigen::Translation3d(position) * Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()) *
+         Eigen::Translation3d(-first.translation());
+}
+
 double TravelBetween(const Window& a, const Window& b, std::span<const double> travel) {
   return std::abs(travel[(b.first + b.last) / 2] - travel[(a.first + a.last) / 2]);
 }

@@ -49,6 +49,10 @@ absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose
 Eigen::AlignedBox3d BoxOfWindow(const Window& window, std::span<const Pose> poses, const Pose& correction,
                                 double reach);
 
+/// T_map_session that puts the first scan at a position (metres, map frame) with a yaw (radians): roll and pitch stay
+/// the odometry's own.
+Pose PriorFrom(const Eigen::Vector3d& position, double yaw, const Pose& first);
+
 /// Metres of travel between the middles of two windows. `travel` as TravelOf gives it.
 double TravelBetween(const Window& a, const Window& b, std::span<const double> travel);
 

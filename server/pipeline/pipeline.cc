@@ -20,6 +20,10 @@ namespace {
 // A session that a lease or the store kept from ending is tried again after this.
 constexpr std::chrono::seconds kRetryPause{1};
 
+// A session that the map was too small for is tried again after as many commits at most.
+constexpr uint32_t kMostRetries = 3;
+constexpr size_t kRetryPage = 100;
+
 // Renews a lease until it is destroyed; tells the job to stop if somebody else has taken it.
 class LeaseRenewal {
  public:
@@ -61,6 +65,7 @@ struct Pipeline::State {
       const absl::Status status = RunLeased(arena, *job, leased);
       stores.feed.ClearProgress({job->map, job->session});
       queue.Done(*job);
+      if (status.ok()) RetryRefused(*job);
       if (status.ok() || job->stop != StopReason::kNone || absl::IsNotFound(status)) continue;
       if (leased) {
         LogWarning("session put off", {{"map", job->map}, {"session", job->session}, {"why", status.ToString()}});
@@ -69,6 +74,32 @@ struct Pipeline::State {
       pause.wait_for(lock, stop, kRetryPause, [] { return false; });
       queue.Push(job->map, job->session, true, job->created);
     }
+  }
+
+  // A commit may have brought the map that refused sessions of it lacked.
+  void RetryRefused(const Job& job) {
+    const auto ended = stores.sessions.Find(job.map, job.session);
+    if (!ended.ok() || ended->state != SessionState::kCommitted) return;
+    std::string after;
+    do {
+      const auto page = stores.sessions.List(job.map, after, kRetryPage);
+      if (!page.ok()) return;
+      for (SessionRecord session : page->sessions) {
+        if (session.state != SessionState::kRefused || !session.lacks_map || session.scans_deleted ||
+            session.retries >= kMostRetries) {
+          continue;
+        }
+        session.state = SessionState::kQueued;
+        session.ended = 0;
+        ++session.retries;
+        if (!stores.sessions.Update(session, SessionState::kRefused).ok()) continue;
+        LogInfo("session tried again",
+                {{"map", session.map}, {"session", session.id}, {"retries", session.retries}, {"after", job.session}});
+        stores.feed.Changed({session.map, session.id});
+        queue.Push(session.map, session.id, false, session.created);
+      }
+      after = page->next;
+    } while (!after.empty());
   }
 
   absl::Status RunLeased(tbb::task_arena& arena, Job& job, bool& leased) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/dor/pose_refinement.h"
+#include "core/registration/session_search.h"
 #include "server/log.h"
 #include "server/pipeline/stages.h"
 #include "storage/clock.h"
@@ -92,10 +93,16 @@ class SessionRun {
           new_origin_.value_or(base_->map().origin.value_or(Eigen::Vector3d(Eigen::Vector3d::Zero())));
       std::vector<Pose> poses = outline_.poses;
       for (Pose& pose : poses) pose.translation() -= origin;
-      return AlignToMap(*base_, scans_, poses, {}, parameters_.align, part(0.3, 0.7));
+      std::optional<Pose> prior;
+      if (record_.initial_pose) {
+        const auto& [x, y, z, yaw] = *record_.initial_pose;
+        prior = PriorFrom({x, y, z}, yaw, poses.front());
+      }
+      return AlignToMap(*base_, scans_, poses, prior, parameters_.align, part(0.3, 0.7));
     });
     if (!alignment.ok()) return alignment.status();
     record_.report.windows = alignment->windows;
+    record_.lacks_map = alignment->lacks_map;
     if (!alignment->accepted) return absl::InvalidArgumentError(alignment->reason);
     poses_ = std::move(alignment->poses);
     return absl::OkStatus();

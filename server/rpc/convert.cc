@@ -45,6 +45,8 @@ v1::SessionReport ToProto(const SessionReport& report) {
     to.set_rotation(window.rotation);
     to.set_observability(window.observability);
     to.set_trusted(window.trusted);
+    to.set_precision(window.precision);
+    to.set_coverage(window.coverage);
   }
   for (const StageTime& stage : report.stages) {
     v1::StageTime& to = *proto.add_stages();

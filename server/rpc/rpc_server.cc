@@ -5,6 +5,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "server/rpc/admin_service.h"
+#include "server/rpc/localization_service.h"
 #include "server/rpc/map_service.h"
 #include "server/rpc/session_service.h"
 #include "server/rpc/tile_service.h"
@@ -19,7 +20,7 @@ constexpr int kLargestMessage = 8 << 20;
 
 struct RpcServer::Services {
   explicit Services(const ServiceContext& given)
-      : context(given), admin(given), maps(given), sessions(given, uploads), tiles(given) {}
+      : context(given), admin(given), maps(given), sessions(given, uploads), tiles(given), localization(given) {}
 
   const ServiceContext context;
   UploadSlots uploads;
@@ -27,6 +28,7 @@ struct RpcServer::Services {
   MapService maps;
   SessionService sessions;
   TileService tiles;
+  LocalizationService localization;
   std::unique_ptr<grpc::Server> server;
 };
 
@@ -52,6 +54,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
   builder.RegisterService(&services.maps);
   builder.RegisterService(&services.sessions);
   builder.RegisterService(&services.tiles);
+  builder.RegisterService(&services.localization);
   services.server = builder.BuildAndStart();
   if (services.server == nullptr || rpc->port_ == 0) {
     return absl::UnavailableError(

@@ -4,6 +4,8 @@
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <mutex>
 #include <shared_mutex>
 #include <string>
@@ -67,6 +69,12 @@ grpc::ServerUnaryReactor* SessionService::ListSessions(grpc::CallbackServerConte
 grpc::ServerWriteReactor<v1::WatchSessionResponse>* SessionService::WatchSession(
     grpc::CallbackServerContext*, const v1::WatchSessionRequest* request) {
   return NewWatch(context_, request->map(), request->id());
+}
+
+grpc::ServerUnaryReactor* SessionService::RetrySession(grpc::CallbackServerContext* call,
+                                                       const v1::RetrySessionRequest* request,
+                                                       v1::RetrySessionResponse* response) {
+  return Answer(call, context_.pool, [=, this] { return Retry(*request, *response); });
 }
 
 grpc::ServerUnaryReactor* SessionService::DeleteSession(grpc::CallbackServerContext* call,
@@ -139,6 +147,36 @@ absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1:
     return absl::OkStatus();
   }
   return absl::AbortedError(absl::StrCat("session ", request.id(), " keeps changing; try again"));
+}
+
+absl::Status SessionService::Retry(const v1::RetrySessionRequest& request, v1::RetrySessionResponse& response) {
+  auto session = FindSession(context_, request.map(), request.id());
+  if (!session.ok()) return session.status();
+  const SessionState before = session->state;
+  if (before != SessionState::kRefused && before != SessionState::kFailed) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session ", session->id, " is neither refused nor failed: there is nothing to try again"));
+  }
+  if (session->scans_deleted) {
+    return absl::FailedPreconditionError(absl::StrCat("the scans of session ", session->id, " are gone"));
+  }
+  if (request.has_initial_pose()) {
+    const v1::Point& at = request.initial_pose().position();
+    const std::array<double, 4> pose{at.x(), at.y(), at.z(), request.initial_pose().yaw()};
+    if (!std::ranges::all_of(pose, [](double value) { return std::isfinite(value); })) {
+      return absl::InvalidArgumentError("initial_pose: expected finite numbers");
+    }
+    session->initial_pose = pose;
+  }
+  session->state = SessionState::kQueued;
+  session->reason.clear();
+  session->ended = 0;
+  if (absl::Status status = context_.sessions.Update(*session, before); !status.ok()) return status;
+  LogInfo("session queued again", {{"map", session->map}, {"session", session->id}});
+  context_.feed.Changed({session->map, session->id});
+  context_.pipeline.Push(*session);
+  *response.mutable_session() = Described(context_, *session);
+  return absl::OkStatus();
 }
 
 absl::Status SessionService::List(const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response) {

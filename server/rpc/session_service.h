@@ -23,6 +23,8 @@ class SessionService final : public v1::SessionService::CallbackService {
                                          v1::ListSessionsResponse* response) override;
   grpc::ServerWriteReactor<v1::WatchSessionResponse>* WatchSession(grpc::CallbackServerContext* call,
                                                                    const v1::WatchSessionRequest* request) override;
+  grpc::ServerUnaryReactor* RetrySession(grpc::CallbackServerContext* call, const v1::RetrySessionRequest* request,
+                                         v1::RetrySessionResponse* response) override;
   grpc::ServerUnaryReactor* DeleteSession(grpc::CallbackServerContext* call, const v1::DeleteSessionRequest* request,
                                           v1::DeleteSessionResponse* response) override;
   grpc::ServerUnaryReactor* ListScanPoses(grpc::CallbackServerContext* call, const v1::ListScanPosesRequest* request,
@@ -31,6 +33,7 @@ class SessionService final : public v1::SessionService::CallbackService {
  private:
   absl::Status Begin(const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response);
   absl::Status Commit(const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response);
+  absl::Status Retry(const v1::RetrySessionRequest& request, v1::RetrySessionResponse& response);
   absl::Status List(const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response);
   absl::Status ListPoses(const v1::ListScanPosesRequest& request, v1::ListScanPosesResponse& response);
 
