@@ -22,7 +22,7 @@ const bool kLong = std::getenv("MAPKEEP_LONG") != nullptr;
 
 std::string Id(char robot, int number) { return std::string(1, robot).append(std::to_string(number)); }
 
-Drive ShortDrive(int number) { return DriveAlong(Street(), 4, kStart + 3600.0 * number); }
+Drive ShortDrive(int number) { return DriveAlong(Street(), 16, kStart + 3600.0 * number); }
 
 v1::VerifyMapResponse Verify(Robot& robot, const std::string& map) {
   v1::VerifyMapRequest request;
