@@ -170,7 +170,7 @@ void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, con
     candidates[id] = verdicts[id] != VoxelVerdict::kGround && counts.hits[id] > 0;
   }
   // A surface of a given size has more voxels the smaller they are.
-  const double more = std::clamp(std::pow(0.2 / parameters.voxel_size, 2), 0.5, 2.0);
+  const double more = std::clamp(std::pow(0.2 / parameters.voxel_size, 2), 1.0, 4.0);
   const std::vector<char> departed =
       FindDepartures(voxels.grid, counts, candidates,
                      {.voxel_size = parameters.voxel_size,

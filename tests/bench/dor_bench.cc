@@ -160,7 +160,11 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("cluster_radius", &DorParameters::cluster_radius);
   vary("cluster_min_neighbours", &DorParameters::cluster_min_neighbours);
   vary("cluster_threshold", &DorParameters::cluster_threshold);
+  vary("vacated_scans", &DorParameters::vacated_scans);
+  vary("vacated_neighbours", &DorParameters::vacated_neighbours);
+  vary("departure_reach", &DorParameters::departure_reach);
   vary("decided_scans", &DorParameters::decided_scans);
+  vary("surrounded_share", &DorParameters::surrounded_share);
   vary("ankle_tolerance", &DorParameters::ankle_tolerance);
   const auto without = [&](const char* name, bool DorParameters::*field) {
     DorParameters changed = defaults;
@@ -169,7 +173,9 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   };
   without("protect_ground", &DorParameters::protect_ground);
   without("cluster", &DorParameters::cluster);
+  without("departures", &DorParameters::departures);
   without("inherit", &DorParameters::inherit);
+  without("surround", &DorParameters::surround);
   without("verify_ankles", &DorParameters::verify_ankles);
   without("restore", &DorParameters::restore);
   if (!recount) return;
