@@ -12,8 +12,8 @@ namespace mapkeep {
 /// Parameters of FindDepartures.
 struct DepartureParameters {
   double voxel_size = 0.2;      ///< metres, of the grid
-  int vacated_scans = 6;        ///< scans that must look through a voxel after its last hit
-  int vacated_neighbours = 16;  ///< vacated voxels around one, itself included, that were left at the same time
+  int vacated_scans = 5;        ///< scans that must look through a voxel after its last hit
+  int vacated_neighbours = 14;  ///< vacated voxels around one, itself included, that were left at the same time
   double reach = 1.6;           ///< metres around such voxels in which the rest of the object is looked for
 };
 

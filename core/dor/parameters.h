@@ -56,8 +56,8 @@ struct DorParameters {
   double cluster_threshold = 0.35;   ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
   bool departures = true;        ///< find what stood still and then left, or came and stayed, by the order of scans
-  int vacated_scans = 6;         ///< scans that look through a voxel after its last hit for it to have been left
-  int vacated_neighbours = 16;   ///< voxels of 0.2 m around it that were left at the same time, itself included
+  int vacated_scans = 5;         ///< scans that look through a voxel after its last hit for it to have been left
+  int vacated_neighbours = 14;   ///< voxels of 0.2 m around it that were left at the same time, itself included
   double departure_reach = 1.6;  ///< metres around those in which the rest of the object is looked for
 
   bool inherit = true;    ///< voxels with little evidence follow those around them
