@@ -3,20 +3,34 @@
 #include <csignal>
 #include <cstdio>
 #include <string>
+#include <string_view>
 #include <variant>
 
 #include "server/command_line.h"
 #include "server/daemon.h"
 #include "server/log.h"
+#include "server/token_command.h"
 
 namespace {
 
 constexpr int kCannotServe = 1;
 constexpr int kBadConfiguration = 2;
 
+// mapkeepd token ...
+int PrintToken(int argc, char** argv) {
+  const auto text = mapkeep::MakeToken(argc, argv);
+  if (!text.ok()) {
+    std::fprintf(stderr, "mapkeepd token: %s\n", std::string(text.status().message()).c_str());
+    return absl::IsInvalidArgument(text.status()) ? kBadConfiguration : kCannotServe;
+  }
+  std::fputs(text->c_str(), stdout);
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "token") return PrintToken(argc - 1, argv + 1);
   const auto command = mapkeep::ReadCommandLine(argc, argv);
   if (!command.ok()) {
     std::fprintf(stderr, "mapkeepd: %s\n", std::string(command.status().message()).c_str());
