@@ -30,3 +30,12 @@ export function duration(seconds: number): string {
 }
 
 export const days = (n: number): string => (n === 1 ? '1 day' : `${count(n)} days`);
+
+const roundSteps = [1, 2, 5];
+
+/** The longest round length, in metres, that fits into so many pixels. */
+export function scaleBarLength(metresPerPixel: number, mostPixels: number): number {
+  const most = metresPerPixel * mostPixels;
+  const decade = 10 ** Math.floor(Math.log10(most));
+  return (roundSteps.filter((step) => step * decade <= most).pop() ?? 1) * decade;
+}

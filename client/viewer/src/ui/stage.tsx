@@ -9,7 +9,7 @@ import { asked, budget, measured, status, tool, view, viewProblem } from '../sta
 import { currentEpoch, map, tell } from '../store';
 import { defaultBudget } from '../view/frame_budget';
 import { MapView } from '../view/map_view';
-import { count, metres, short } from './format';
+import { count, metres, scaleBarLength, short } from './format';
 import { useChangeLayer, useTrajectoryLayer } from './stage_layers';
 
 const markColour = { look: '#4fd1c5', measure: '#ffd479' };
@@ -137,15 +137,6 @@ function MeasureLabel() {
       {metres(distance)}
     </div>
   );
-}
-
-const niceSteps = [1, 2, 5];
-
-/** The longest round length that fits. */
-export function scaleBarLength(metresPerPixel: number, mostPixels: number): number {
-  const most = metresPerPixel * mostPixels;
-  const decade = 10 ** Math.floor(Math.log10(most));
-  return (niceSteps.filter((step) => step * decade <= most).pop() ?? 1) * decade;
 }
 
 function StageFoot() {

@@ -1,4 +1,5 @@
-import { go, hashOf, mapName, route, type Page } from '../route';
+import { hashOf, type Page } from '../address';
+import { go, mapName, route } from '../route';
 import { hasToken } from '../api/api';
 import { giveToken, live, maps } from '../store';
 
