@@ -2,10 +2,11 @@
 
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { BufferAttribute, BufferGeometry, Matrix4, PerspectiveCamera, Points, Vector3 } from 'three';
+import { Box3, BufferAttribute, BufferGeometry, Matrix4, PerspectiveCamera, Points, Vector3 } from 'three';
 import { hashOf, parseRoute, type Route } from '../src/address';
 import { epochOf, mapOf, positionsOf, sessionOf } from '../src/api/wire';
 import { metres, scaleBarLength, short } from '../src/ui/format';
+import { distanceThatShows } from '../src/view/framing';
 import { FrameBudget } from '../src/view/frame_budget';
 import { PointMaterial } from '../src/view/point_material';
 import { colourAt, rampBytes, ramps, rgbOf } from '../src/view/ramps';
@@ -50,7 +51,8 @@ test('answers in protobuf JSON become values: 64-bit numbers are strings, zeros 
   assert.equal(session.state, 'refused');
   assert.equal(session.report?.windows[0]?.fitness, 0.4);
   assert.equal(session.report?.points, 0);
-  assert.deepEqual(positionsOf({ poses: [{ rows: [1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 1, 7] }] }), [[5, 6, 7]]);
+  const page = positionsOf({ poses: [{ rows: [1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 1, 7] }], scanCount: 3 });
+  assert.deepEqual(page, { positions: [[5, 6, 7]], scanCount: 3 });
   assert.equal(sessionOf(null).state, 'unknown');
 });
 
@@ -68,6 +70,28 @@ test('a click means the near point, not one behind it, and nothing where there i
   assert.equal(pickPoint([tile], matrix, 200, 100, 400, 400, 8), null);
   assert.equal(tile.thin(0.34), 1);
   assert.equal(tile.drawnCount, 1);
+});
+
+test('the first view shows the whole map and wastes little of the picture', () => {
+  for (const [wide, aspect] of [[400, 1.5], [40, 0.5], [3000, 2]] as const) {
+    const camera = new PerspectiveCamera(50, aspect, 0.5, 50_000);
+    camera.up.set(0, 0, 1);
+    const box = new Box3(new Vector3(-wide / 2, -50, -2), new Vector3(wide / 2, 50, 20));
+    const direction = new Vector3(-0.35, -0.85, 0.75).normalize();
+    const target = box.getCenter(new Vector3());
+    const distance = distanceThatShows(camera, target, direction, box, 50_000);
+    camera.position.copy(target).addScaledVector(direction, distance);
+    camera.updateMatrixWorld();
+    let reach = 0;
+    for (const x of [box.min.x, box.max.x]) {
+      for (const y of [box.min.y, box.max.y]) {
+        const p = new Vector3(x, y, box.min.z).project(camera);
+        assert.ok(Math.abs(p.x) <= 1 && Math.abs(p.y) <= 1, `${p.x} ${p.y}`);
+        reach = Math.max(reach, Math.abs(p.x), Math.abs(p.y));
+      }
+    }
+    assert.ok(reach > 0.6, `the map reaches only ${reach} of the way to the edge`);
+  }
 });
 
 test('colours run from the first to the last of a ramp, and the picture has those of the legend', () => {

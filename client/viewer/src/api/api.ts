@@ -32,7 +32,7 @@ export class ApiError extends Error {
 const tokenKey = 'mapkeep.token';
 const mostPages = 100;
 
-let token = sessionStorage.getItem(tokenKey) ?? '';
+let bearer = sessionStorage.getItem(tokenKey) ?? '';
 let refused: () => void = () => {};
 
 /** Calls back when the daemon wants a token, or another one. */
@@ -41,14 +41,14 @@ export function onUnauthorized(callback: () => void): void {
 }
 
 export function setToken(value: string): void {
-  token = value;
+  bearer = value;
   if (value) sessionStorage.setItem(tokenKey, value);
   else sessionStorage.removeItem(tokenKey);
 }
 
-export const hasToken = (): boolean => token !== '';
+export const hasToken = (): boolean => bearer !== '';
 
-export const authHeaders = (): Record<string, string> => (token ? { Authorization: `Bearer ${token}` } : {});
+export const authHeaders = (): Record<string, string> => (bearer ? { Authorization: `Bearer ${bearer}` } : {});
 
 const path = (map: string, rest = ''): string => `/v1/maps/${encodeURIComponent(map)}${rest}`;
 
@@ -59,7 +59,7 @@ export const changePointsUrl = (map: string, before: number, after: number): str
 
 /** EventSource can send no header, so the token goes along in the address. */
 export const eventsUrl = (map: string): string =>
-  path(map, '/events') + (token ? `?token=${encodeURIComponent(token)}` : '');
+  path(map, '/events') + (bearer ? `?token=${encodeURIComponent(bearer)}` : '');
 
 async function ask(url: string, signal?: AbortSignal): Promise<Response> {
   let response: Response;
@@ -89,7 +89,20 @@ const json = async (url: string, signal?: AbortSignal): Promise<unknown> => (awa
 export const bytes = async (url: string, signal?: AbortSignal): Promise<ArrayBuffer> =>
   (await ask(url, signal)).arrayBuffer();
 
-export const listMaps = async (): Promise<MapInfo[]> => listOf(await json('/v1/maps'), 'maps', mapOf);
+/** All pages of a list, at `url` up to its query. */
+async function all<T>(url: string, name: string, item: (value: unknown) => T): Promise<T[]> {
+  const found: T[] = [];
+  let token = '';
+  for (let i = 0; i < mostPages; ++i) {
+    const answer = await json(`${url}?pageSize=500${token ? `&pageToken=${encodeURIComponent(token)}` : ''}`);
+    found.push(...listOf(answer, name, item));
+    token = pageTokenOf(answer);
+    if (!token) break;
+  }
+  return found;
+}
+
+export const listMaps = (): Promise<MapInfo[]> => all('/v1/maps', 'maps', mapOf);
 
 export const getMap = async (map: string): Promise<MapInfo> => mapOf(await json(path(map)));
 
@@ -98,22 +111,21 @@ export const listEpochs = async (map: string): Promise<Epoch[]> =>
   listOf(await json(path(map, '/epochs?limit=1000')), 'epochs', epochOf);
 
 /** Newest first. */
-export async function listSessions(map: string): Promise<Session[]> {
-  const sessions: Session[] = [];
-  let page = '';
-  for (let i = 0; i < mostPages; ++i) {
-    const query = `/sessions?pageSize=500${page ? `&pageToken=${encodeURIComponent(page)}` : ''}`;
-    const answer = await json(path(map, query));
-    sessions.push(...listOf(answer, 'sessions', sessionOf));
-    page = pageTokenOf(answer);
-    if (!page) break;
-  }
-  return sessions.reverse();
-}
+export const listSessions = async (map: string): Promise<Session[]> =>
+  (await all(path(map, '/sessions'), 'sessions', sessionOf)).reverse();
 
 /** Where the sensor was at each scan of a committed session. */
-export const listPositions = async (map: string, session: string): Promise<Vec3[]> =>
-  positionsOf(await json(path(map, `/sessions/${encodeURIComponent(session)}/poses`)));
+export async function listPositions(map: string, session: string): Promise<Vec3[]> {
+  const positions: Vec3[] = [];
+  for (let i = 0; i < mostPages; ++i) {
+    const page = positionsOf(
+      await json(path(map, `/sessions/${encodeURIComponent(session)}/poses?first=${positions.length}`)),
+    );
+    positions.push(...page.positions);
+    if (page.positions.length === 0 || positions.length >= page.scanCount) break;
+  }
+  return positions;
+}
 
 export const countChanges = async (map: string, before: number, after: number): Promise<Changes> =>
   changesOf(await json(path(map, `/changes/${before}/${after}`)));

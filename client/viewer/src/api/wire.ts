@@ -231,12 +231,14 @@ export function voxelOf(value: unknown): Voxel {
   };
 }
 
-/** Positions of the sensor, one a scan, in the map's frame. */
-export function positionsOf(value: unknown): Vec3[] {
-  return list(record(value).poses).map((p) => {
+/** Positions of the sensor, one a scan, in the map's frame; and of how many scans in all. */
+export function positionsOf(value: unknown): { positions: Vec3[]; scanCount: number } {
+  const answer = record(value);
+  const positions = list(answer.poses).map((p): Vec3 => {
     const rows = list(record(p).rows);
     return [number(rows[3]), number(rows[7]), number(rows[11])];
   });
+  return { positions, scanCount: number(answer.scanCount) };
 }
 
 export const listOf = <T>(value: unknown, name: string, item: (value: unknown) => T): T[] =>

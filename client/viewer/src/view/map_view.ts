@@ -15,6 +15,8 @@ import {
 import { MapControls } from 'three/addons/controls/MapControls.js';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import type { Box, Vec3 } from '../api/wire';
+import { listenForClicks } from './clicks';
+import { distanceThatShows } from './framing';
 import { FrameBudget, isSoftwareRenderer } from './frame_budget';
 import { PointMaterial } from './point_material';
 import type { ColourMode } from './ramps';
@@ -43,8 +45,6 @@ export interface ViewCallbacks {
   failed(message: string): void;
 }
 
-const clickPixels = 6;
-const clickMilliseconds = 600;
 const pickRadius = { mouse: 7, touch: 18 };
 const up = new Vector3(0, 0, 1);
 const restMilliseconds = 180; // without a move, after which the picture becomes full again
@@ -107,7 +107,7 @@ export class MapView {
     this.controls.listenToKeyEvents(canvas);
     this.controls.addEventListener('start', () => (this.framed = null));
     this.controls.addEventListener('change', () => this.moved());
-    this.listenForClicks();
+    listenForClicks(canvas, (x, y, touch) => callbacks.picked(this.pickAt(x, y, touch ? pickRadius.touch : pickRadius.mouse)));
     this.resizeObserver = new ResizeObserver(() => this.resize());
     this.resizeObserver.observe(canvas);
     canvas.addEventListener('webglcontextlost', (event) => {
@@ -242,40 +242,13 @@ export class MapView {
     const centre = box.getCenter(new Vector3());
     const direction = fromAbove ? new Vector3(0, -0.001, 1) : new Vector3(-0.35, -0.85, 0.75).normalize();
     this.controls.target.copy(centre).setZ(box.min.z + 0.25 * size.z);
-    const distance = this.distanceThatShows(box, direction);
+    const distance = distanceThatShows(this.camera, this.controls.target, direction, box, 20 * this.sphere.radius + 100);
     this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
     this.controls.maxDistance = 8 * this.sphere.radius + 50;
     this.controls.update();
     this.fitted = true;
     this.framed = { box: box.clone(), fromAbove };
     this.invalidate();
-  }
-
-  /** How far the camera must go back from its target for the whole box to lie in the picture, above the time line. */
-  private distanceThatShows(box: Box3, direction: Vector3): number {
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(
-      (i) => new Vector3(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z),
-    );
-    const target = this.controls.target;
-    const shows = (distance: number) => {
-      this.camera.position.copy(target).addScaledVector(direction, distance);
-      this.camera.lookAt(target);
-      this.camera.updateMatrixWorld();
-      return corners.every((corner) => {
-        const eye = corner.clone().applyMatrix4(this.camera.matrixWorldInverse);
-        if (eye.z > -this.camera.near) return false;
-        const p = eye.applyMatrix4(this.camera.projectionMatrix);
-        return Math.abs(p.x) < 0.97 && p.y < 0.92 && p.y > -0.74;
-      });
-    };
-    let near = 10;
-    let far = 20 * this.sphere.radius + 100;
-    for (let i = 0; i < 30; ++i) {
-      const middle = (near + far) / 2;
-      if (shows(middle)) far = middle;
-      else near = middle;
-    }
-    return far;
   }
 
   private moved(): void {
@@ -302,29 +275,6 @@ export class MapView {
     this.ruler.resize(size);
     if (this.framed) this.lookAtBox(this.framed.box, this.framed.fromAbove);
     this.invalidate();
-  }
-
-  private listenForClicks(): void {
-    let down: { x: number; y: number; time: number; id: number } | null = null;
-    let fingers = 0;
-    this.canvas.addEventListener('pointerdown', (event) => {
-      ++fingers;
-      down = fingers === 1 && event.button === 0
-        ? { x: event.offsetX, y: event.offsetY, time: event.timeStamp, id: event.pointerId }
-        : null;
-    });
-    const lift = () => (fingers = Math.max(0, fingers - 1));
-    this.canvas.addEventListener('pointercancel', lift);
-    this.canvas.addEventListener('pointerup', (event) => {
-      lift();
-      if (!down || down.id !== event.pointerId) return;
-      const moved = Math.hypot(event.offsetX - down.x, event.offsetY - down.y);
-      const held = event.timeStamp - down.time;
-      down = null;
-      if (moved > clickPixels || held > clickMilliseconds) return;
-      const radius = event.pointerType === 'touch' ? pickRadius.touch : pickRadius.mouse;
-      this.callbacks.picked(this.pickAt(event.offsetX, event.offsetY, radius));
-    });
   }
 
   private pickAt(x: number, y: number, radius: number): Vec3 | null {
