@@ -18,6 +18,7 @@ import { Timeline } from './timeline';
 import { TokenDialog } from './token_dialog';
 import { Toolbar } from './toolbar';
 import { TopBar } from './top_bar';
+import { UnderWay } from './under_way';
 
 export function App() {
   useEffect(() => start(), []);
@@ -63,7 +64,10 @@ function OneMap() {
           <h1 class="unseen">{mapName.value}: {page.value === 'changes' ? 'what changed' : 'the map'}</h1>
           <Stage hidden={false} />
           <Toolbar />
-          <PointCard />
+          <div class="corner">
+            <PointCard />
+            <UnderWay />
+          </div>
           {found && <Timeline />}
         </main>
         <aside class={`panel ${panelOpen.value ? 'open' : ''}`} aria-label={page.value === 'changes' ? 'What changed' : 'How it is drawn'} data-tool={tool.value}>

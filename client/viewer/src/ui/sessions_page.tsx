@@ -7,6 +7,7 @@ import { drives } from '../stage_state';
 import { map, sessions } from '../store';
 import { count, duration, percent, short, time } from './format';
 import { meanFitness } from './look_panel';
+import { progressOf } from './progress';
 import { SessionReport } from './session_report';
 
 const filters = ['all', 'running', 'committed', 'refused'] as const;
@@ -20,16 +21,6 @@ const members: Record<Filter, SessionState[] | null> = {
 };
 const filterNames: Record<Filter, string> = { all: 'All', running: 'Under way', committed: 'Committed', refused: 'Not merged' };
 const mostRows = 500;
-
-function progressOf(session: Session): { share: number; text: string } | null {
-  if (session.state === 'uploading') {
-    const share = session.scanCount > 0 ? session.durableScans / session.scanCount : 0;
-    return { share, text: `${count(session.durableScans)} of ${count(session.scanCount)} scans are safe` };
-  }
-  if (session.state === 'queued') return { share: 0, text: 'waits for a worker' };
-  if (session.state === 'running') return { share: session.stageProgress, text: session.stage ? `${session.stage} ${percent(session.stageProgress)}` : 'begins' };
-  return null;
-}
 
 export function SessionsPage() {
   const [filter, setFilter] = useState<Filter>('all');
