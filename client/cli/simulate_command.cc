@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -14,6 +15,7 @@
 #include "client/cli/output.h"
 #include "client/cli/progress_line.h"
 #include "client/readers/session_directory.h"
+#include "client/simulator/city.h"
 #include "client/simulator/random_stream.h"
 #include "client/simulator/session_files.h"
 #include "client/simulator/sessions_folder.h"
@@ -29,6 +31,8 @@ constexpr double kStartSpread = 3;  // metres: no two days begin at quite the sa
 struct SimulateArguments {
   std::string out;
   int sessions = 2;
+  int first = 1;
+  bool city = false;
   StreetParameters street;
   std::string sensor = "hdl64";
   std::string layout = "kitti";
@@ -83,13 +87,34 @@ void Print(const std::vector<Written>& sessions, const SimulateArguments& argume
   PrintTable(table);
 }
 
+/// Session `i` of the place that was asked for, made ready once.
+using Drive = std::function<absl::StatusOr<SimulatedSession>(int session, const DriveParameters& drive)>;
+
+absl::StatusOr<Drive> MakePlace(const SimulateArguments& arguments) {
+  if (arguments.city) {
+    if (arguments.street.streets != 1) {
+      return absl::InvalidArgumentError("--streets is not for a city, which has four");
+    }
+    absl::StatusOr<City> made = MakeCity(arguments.street);
+    if (!made.ok()) return made.status();
+    return [city = std::make_shared<const City>(*std::move(made))](int session, const DriveParameters& drive) {
+      return DriveThroughCity(*city, session, drive);
+    };
+  }
+  absl::StatusOr<Street> made = MakeStreet(arguments.street);
+  if (!made.ok()) return made.status();
+  return [street = std::make_shared<const Street>(*std::move(made))](int session, const DriveParameters& drive) {
+    return DriveThrough(*street, session, drive);
+  };
+}
+
 ExitCode RunSimulation(const GlobalOptions& options, const SimulateArguments& arguments) {
   const absl::StatusOr<SensorModel> sensor = SensorNamed(arguments.sensor);
   if (!sensor.ok()) return BadInput(sensor.status());
   const absl::StatusOr<SessionLayout> layout = LayoutNamed(arguments.layout);
   if (!layout.ok()) return BadInput(layout.status());
-  const absl::StatusOr<Street> street = MakeStreet(arguments.street);
-  if (!street.ok()) return Fail(street.status());
+  const absl::StatusOr<Drive> place = MakePlace(arguments);
+  if (!place.ok()) return BadInput(place.status());
   if (const absl::Status prepared = PrepareSessionsFolder(arguments.out, arguments.force); !prepared.ok())
     return Fail(prepared);
 
@@ -99,10 +124,11 @@ ExitCode RunSimulation(const GlobalOptions& options, const SimulateArguments& ar
   for (int i = 0; i < arguments.sessions; ++i) {
     DriveParameters drive = arguments.drive;
     drive.sensor = *sensor;
-    drive.start = RandomStream(SeedOf(arguments.street.seed, static_cast<uint64_t>(i))).Uniform(0, kStartSpread);
-    const absl::StatusOr<SimulatedSession> session = DriveThrough(*street, i, drive);
+    const int day = arguments.first - 1 + i;
+    drive.start += RandomStream(SeedOf(arguments.street.seed, static_cast<uint64_t>(day))).Uniform(0, kStartSpread);
+    const absl::StatusOr<SimulatedSession> session = (*place)(day, drive);
     if (!session.ok()) return Fail(session.status());
-    const std::string name = SessionFolderName(i);
+    const std::string name = SessionFolderName(day);
     const absl::Status status =
         WriteSession(*session, fs::path(arguments.out) / name, *layout, PcdEncoding::kBinary, [&](double fraction) {
           line.Show(name, fraction);
@@ -119,7 +145,7 @@ ExitCode RunSimulation(const GlobalOptions& options, const SimulateArguments& ar
 }  // namespace
 
 void AddSimulateCommand(CommandLine& line) {
-  CLI::App* command = line.app.add_subcommand("simulate", "Make sessions of a street with known truth");
+  CLI::App* command = line.app.add_subcommand("simulate", "Make sessions of a street or a small city with known truth");
   auto arguments = std::make_shared<SimulateArguments>();
   arguments->drive.odometry.drift = 0.5;
   command->add_option("OUT", arguments->out, "Directory for session-01, session-02, ...; made if it is not there")
@@ -151,6 +177,16 @@ void AddSimulateCommand(CommandLine& line) {
       ->type_name("N")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  command->add_flag("--city", arguments->city, "A block of houses with four streets around it, instead of a street");
+  command->add_option("--first", arguments->first, "Day of the first session")
+      ->type_name("DAY")
+      ->check(CLI::Range(1, 99))
+      ->capture_default_str();
+  command->add_option("--start", arguments->drive.start, "Metres along its route at which the robot begins")
+      ->type_name("METRES")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  command->add_flag("--reverse", arguments->drive.reverse, "The robot drives its route the other way round");
   command->add_option("--speed", arguments->drive.speed, "Metres a second that the robot drives")
       ->type_name("V")
       ->check(CLI::Range(0.0, 50.0))

@@ -91,16 +91,16 @@ Material GroundMaterial(const StreetPlan& plan, double s, double d) {
 
 }  // namespace
 
-Ground::Ground(uint64_t seed, int streets, bool repeated) : streets_(streets) {
+Ground::Ground(uint64_t seed, int streets, bool repeated, bool level) : streets_(streets) {
   const auto seed_of = [&](int64_t street) { return SeedOf(seed, repeated ? 0 : static_cast<uint64_t>(street + 1)); };
   for (int i = -1; i <= streets; ++i) plans_.push_back(PlanStreet(seed_of(i), kStreetLength * i));
   // Knots belong to the street that they lie in, so that copies of a street bend and climb alike.
   for (int i = -1; i <= streets + 1; ++i) {
     for (uint64_t k = 0; k < 2; ++k) {
-      heading_knots_.push_back(kBend * Centred(SeedOf(seed_of(i), 1000 + k)));
-      height_knots_.push_back(kHill * Centred(SeedOf(seed_of(i), 2000 + k)));
+      heading_knots_.push_back(level ? 0 : kBend * Centred(SeedOf(seed_of(i), 1000 + k)));
+      height_knots_.push_back(level ? 0 : kHill * Centred(SeedOf(seed_of(i), 2000 + k)));
     }
-    long_height_knots_.push_back(repeated ? 0 : kLongHill * Centred(SeedOf(seed_of(i), 3000)));
+    long_height_knots_.push_back(repeated || level ? 0 : kLongHill * Centred(SeedOf(seed_of(i), 3000)));
   }
   Eigen::Vector2d point(0, 0);
   for (double s = begin(); s <= end() + kLineStep; s += kLineStep) {

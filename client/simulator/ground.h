@@ -14,8 +14,8 @@ namespace mapkeep {
 /// that traffic comes and goes out of sight.
 class Ground {
  public:
-  /// `repeated`: every street is the first one's copy.
-  Ground(uint64_t seed, int streets, bool repeated);
+  /// `repeated`: every street is the first one's copy. `level`: the centre line is straight along x, at height 0.
+  Ground(uint64_t seed, int streets, bool repeated, bool level = false);
 
   /// Length that may be driven, [0, length] in s.
   double length() const { return kStreetLength * streets_; }

@@ -23,10 +23,10 @@ using Make = TriangleMesh (*)(uint64_t seed);
 /// Collects meshes and what stands where.
 class Builder {
  public:
-  Builder(const Ground& ground, uint64_t seed) : ground_(ground) {
+  Builder(const Ground& ground, const StreetParameters& parameters) : ground_(ground), level_(parameters.level) {
     const auto shelf = [&](Make make, size_t count) {
       std::vector<uint32_t> meshes;
-      for (size_t i = 0; i < count; ++i) meshes.push_back(Add(make(SeedOf(seed, next_shape_++))));
+      for (size_t i = 0; i < count; ++i) meshes.push_back(Add(make(SeedOf(parameters.seed, next_shape_++))));
       return meshes;
     };
     shared = {shelf(MakeCar, 12), shelf(MakeLorry, 3), shelf(MakeCyclist, 3), shelf(MakePedestrian, 8),
@@ -137,13 +137,16 @@ class Builder {
     Stand(ObjectKind::kBridge, Add(std::move(mesh)), ground_.UprightAt(plan.begin + plan.bridge, 0, 0));
   }
 
-  /// The cross street ends at houses on both sides.
+  /// The cross street ends at houses on both sides; in a city it goes on.
   void AddCrossing(const StreetPlan& plan, RandomStream& random) {
     const double s = plan.begin + kCrossing / 2;
+    const bool open = level_ && plan.begin >= 0 && plan.begin <= ground_.length();
     for (const int side : {1, -1}) {
-      AddHouse(s, 46, side, kCrossing + 6, random.Bits());
+      const uint64_t end = random.Bits();
+      if (!open) AddHouse(s, 46, side, kCrossing + 6, end);
       for (const double offset : {-5.5, 5.5}) {
-        AddHouse(s + offset * 2.2, 34, side, 9, random.Bits());
+        const uint64_t corner = random.Bits();
+        if (!open) AddHouse(s + offset * 2.2, 34, side, 9, corner);
         Stand(ObjectKind::kPole, signs_[random.Index(signs_.size())],
               ground_.UprightAt(s + offset, side * (kKerb + 0.5), side > 0 ? 0 : kPi));
       }
@@ -177,6 +180,7 @@ class Builder {
   }
 
   const Ground& ground_;
+  const bool level_;
   uint64_t next_shape_ = 5000;
   std::vector<uint32_t> trees_, lamps_, signs_, bollards_, benches_;
 };
@@ -201,16 +205,23 @@ absl::Status CheckParameters(const StreetParameters& parameters) {
 
 }  // namespace
 
-absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters) {
+absl::StatusOr<StreetParts> BuildStreet(const StreetParameters& parameters) {
   if (absl::Status checked = CheckParameters(parameters); !checked.ok()) return checked;
-  Ground ground(parameters.seed, parameters.streets, parameters.repeated);
-  Builder builder(ground, parameters.seed);
+  Ground ground(parameters.seed, parameters.streets, parameters.repeated, parameters.level);
+  Builder builder(ground, parameters);
   for (const StreetPlan& plan : ground.plans()) builder.AddStreet(plan);
-  absl::StatusOr<RayCaster> caster = RayCaster::Create(std::move(builder.meshes));
+  return StreetParts{std::move(ground), std::move(builder.meshes), std::move(builder.shared),
+                     std::move(builder.objects)};
+}
+
+absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters) {
+  absl::StatusOr<StreetParts> parts = BuildStreet(parameters);
+  if (!parts.ok()) return parts.status();
+  absl::StatusOr<RayCaster> caster = RayCaster::Create(std::move(parts->meshes));
   if (!caster.ok()) return caster.status();
-  const auto next_id = static_cast<uint32_t>(builder.objects.size() + 1);
+  const auto next_id = static_cast<uint32_t>(parts->fixed.size() + 1);
   return Street{
-      parameters, std::move(ground), *std::move(caster), std::move(builder.shared), std::move(builder.objects),
+      parameters, std::move(parts->ground), *std::move(caster), std::move(parts->shared), std::move(parts->fixed),
       next_id};
 }
 

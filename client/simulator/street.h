@@ -16,6 +16,7 @@ struct StreetParameters {
   uint64_t seed = 1;
   int streets = 1;           ///< blocks of 100 m in a row, each from a seed of its own, all of them driven through
   bool repeated = false;     ///< every street is a copy of the first: facades that look alike
+  bool level = false;        ///< straight and level, with crossings that are open: a row of a city, see city.h
   double occupancy = 0.6;    ///< share of parking places taken, [0, 1]
   double change_rate = 0.3;  ///< share of parked vehicles that are elsewhere in the next session, [0, 1]; half of them
                              ///< stay in the street. Half this share of the building sites changes
@@ -37,7 +38,16 @@ struct Street {
   uint32_t next_id = 1;            ///< the first id that is free for what changes
 };
 
+/// A street that is not ready for casting yet; mesh indices are those of `meshes`.
+struct StreetParts {
+  Ground ground;
+  std::vector<TriangleMesh> meshes;
+  SharedMeshes shared;
+  std::vector<SceneObject> fixed;  ///< ids from 1
+};
+
 /// INVALID_ARGUMENT naming the parameter that is out of its range.
+absl::StatusOr<StreetParts> BuildStreet(const StreetParameters& parameters);
 absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters);
 
 }  // namespace mapkeep

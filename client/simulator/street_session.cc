@@ -40,7 +40,10 @@ RobotPlace PlaceOnRoute(double length, double travel, bool reverse) {
   return {kMargin - kLane * std::sin(angle), kLane * std::cos(angle), kPi + angle};
 }
 
-/// The body sways a little on its springs: two slow waves an axis.
+}  // namespace
+
+double StartOfSession(int session) { return kFirstSession + kDay * session; }
+
 Pose SwayAt(double time, double speed) {
   const double amount = std::min(1.0, speed / 5);
   const double pitch = 0.004 * std::sin(2.1 * time) + 0.002 * std::sin(7.3 * time + 1);
@@ -49,8 +52,6 @@ Pose SwayAt(double time, double speed) {
   return Eigen::Translation3d(0, 0, amount * heave) * Eigen::AngleAxisd(amount * pitch, Eigen::Vector3d::UnitY()) *
          Eigen::AngleAxisd(amount * roll, Eigen::Vector3d::UnitX());
 }
-
-}  // namespace
 
 absl::Status CheckDrive(const DriveParameters& parameters, int session) {
   if (session < 0) return absl::InvalidArgumentError(absl::StrFormat("session is %d: expected 0 or more", session));
@@ -72,6 +73,24 @@ absl::Status CheckDrive(const DriveParameters& parameters, int session) {
   return absl::OkStatus();
 }
 
+std::vector<SceneObject> StandingIn(const Street& street, int session, const DriveParameters& parameters,
+                                    uint32_t& next_id) {
+  const double duration = static_cast<double>(parameters.scans) * parameters.sensor.period;
+  Occupancy occupancy = OccupancyOf(street, session);
+  std::vector<SceneObject> objects = street.fixed;
+  std::move(occupancy.constructions.begin(), occupancy.constructions.end(), std::back_inserter(objects));
+  for (ParkedVehicle& vehicle : occupancy.vehicles) {
+    if (vehicle.drives_off) {
+      const double wait = parameters.traffic.wait + kLeastAway <= duration ? parameters.traffic.wait : duration / 2;
+      vehicle.object.track = DriveOff(street, vehicle.slot, wait);
+      vehicle.object.state = ObjectState::kMoving;
+    }
+    objects.push_back(std::move(vehicle.object));
+  }
+  next_id = occupancy.next_id;
+  return objects;
+}
+
 absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session, const DriveParameters& parameters) {
   if (absl::Status checked = CheckDrive(parameters, session); !checked.ok()) return checked;
   const uint64_t seed = SeedOf(SeedOf(street.parameters.seed, kSessionPart), static_cast<uint64_t>(session));
@@ -84,24 +103,15 @@ absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session,
     return PlaceOnRoute(ground->length(), parameters.start + parameters.speed * clock, parameters.reverse);
   };
 
-  Occupancy occupancy = OccupancyOf(street, session);
-  std::vector<SceneObject> objects = street.fixed;
-  std::move(occupancy.constructions.begin(), occupancy.constructions.end(), std::back_inserter(objects));
-  for (ParkedVehicle& vehicle : occupancy.vehicles) {
-    if (vehicle.drives_off) {
-      const double wait = traffic.wait + kLeastAway <= duration ? traffic.wait : duration / 2;
-      vehicle.object.track = DriveOff(street, vehicle.slot, wait);
-      vehicle.object.state = ObjectState::kMoving;
-    }
-    objects.push_back(std::move(vehicle.object));
-  }
+  uint32_t next_id = 0;
+  std::vector<SceneObject> objects = StandingIn(street, session, parameters, next_id);
   std::vector<SceneObject> passing =
-      TrafficOf(street, traffic, robot, parameters.speed, duration, SeedOf(seed, 1), occupancy.next_id);
+      TrafficOf(street, traffic, robot, parameters.speed, duration, SeedOf(seed, 1), next_id);
   std::move(passing.begin(), passing.end(), std::back_inserter(objects));
 
   Ride ride{.sensor = parameters.sensor,
             .scans = parameters.scans,
-            .start_time = kFirstSession + kDay * session,
+            .start_time = StartOfSession(session),
             .rolling_shutter = parameters.rolling_shutter,
             .odometry = parameters.odometry,
             .seed = seed};

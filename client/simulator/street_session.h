@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <optional>
+#include <vector>
 
 #include "client/simulator/session.h"
 #include "client/simulator/street.h"
@@ -21,6 +22,17 @@ struct DriveParameters {
   OdometryParameters odometry;
   TrafficParameters traffic;
 };
+
+/// When session `session` begins, seconds since 1970: so many days after 2026-06-01 08:00 UTC.
+double StartOfSession(int session);
+
+/// The body sways a little on its springs: two slow waves an axis.
+Pose SwayAt(double time, double speed);
+
+/// What is parked, waits to drive off or is built in a street, beside what never changes. The ids that are free for
+/// what only passes begin at `next_id`.
+std::vector<SceneObject> StandingIn(const Street& street, int session, const DriveParameters& parameters,
+                                    uint32_t& next_id);
 
 /// INVALID_ARGUMENT naming the parameter that is out of its range.
 absl::Status CheckDrive(const DriveParameters& parameters, int session);
