@@ -13,12 +13,14 @@
 #include <utility>
 #include <vector>
 
+#include "server/exposure.h"
 #include "server/settings.h"
 
 namespace mapkeep {
 namespace {
 
 constexpr char kVersion[] = "mapkeepd 0.1.0\n";
+constexpr char kBoolean[] = "true or false";  // what such a setting expects
 
 std::string Place(const std::string& file, const toml::source_region& source) {
   return absl::StrFormat("%s:%d", file, source.begin.line);
@@ -77,7 +79,8 @@ absl::Status ApplyTable(const toml::table& root, const std::string& file, Config
     }
     if (KnownKeys(name).empty()) {
       return absl::InvalidArgumentError(
-          absl::StrFormat("%s: unknown table [%s], expected one of: [limits], [align], [clean], [merge], [filter]",
+          absl::StrFormat("%s: unknown table [%s], expected one of: [rados], [history], [limits], [quota], [align], [clean], "
+                          "[merge], [filter]",
                           Place(file, node.source()), name));
     }
     for (const auto& [inner, value] : *table) {
@@ -135,10 +138,11 @@ absl::StatusOr<std::variant<Config, PrintAndLeave>> ReadCommandLine(int argc, co
     const std::string flag = FlagOf(setting);
     if (flag.empty()) continue;
     const std::string value = setting.show(defaults);
-    app.add_option_function<std::string>(
-           flag, [&given, &setting](const std::string& text) { given[setting.name] = text; },
-           absl::StrCat(setting.about, "; ", setting.expects, value.empty() ? "" : absl::StrCat(" [", value, "]")))
-        ->type_name("");
+    CLI::Option* option = app.add_option_function<std::string>(
+        flag, [&given, &setting](const std::string& text) { given[setting.name] = text; },
+        absl::StrCat(setting.about, "; ", setting.expects, value.empty() ? "" : absl::StrCat(" [", value, "]")));
+    option->type_name("");
+    if (setting.expects == kBoolean) option->expected(0, 1);  // the flag alone says yes
   }
   app.footer(SettingsHelp());
   try {
@@ -156,11 +160,13 @@ absl::StatusOr<std::variant<Config, PrintAndLeave>> ReadCommandLine(int argc, co
   }
   for (const auto& [name, text] : given) {
     const Setting* setting = FindSetting(name);
-    if (!setting->assign(config, FlagText{text})) {
+    const bool alone = text.empty() && setting->expects == kBoolean;
+    if (!setting->assign(config, FlagText{alone ? "true" : text})) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s %s: expected %s", FlagOf(*setting), text, setting->expects));
     }
   }
+  if (absl::Status status = CheckExposure(config); !status.ok()) return status;
   return config;
 }
 

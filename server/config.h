@@ -27,6 +27,9 @@ struct Limits {
   int storage_threads = 8;      ///< threads for calls that read or write the store
   int upload_pending_mib = 32;  ///< scans of one upload that are received but not durable yet, MiB
   int block_cache_mib = 256;    ///< decoded blocks kept in memory, MiB
+  int rpc_memory_mib = 512;     ///< gRPC's buffers of all connections together, MiB
+  int keepalive_seconds = 20;   ///< of silence after which a gRPC peer is asked whether it is there
+  int handshake_seconds = 20;   ///< in which a new gRPC connection must have said who it is
   int lease_seconds = 30;       ///< after which a job of a daemon that vanished may be taken over
   int watch_seconds = 300;      ///< after which WatchSession ends itself
   int drain_seconds = 0;        ///< between "not ready" and the end of service, for load balancers to notice
@@ -61,6 +64,22 @@ struct StageParameters {
 
 enum class LogFormat { kText, kJson };
 
+/// What may be under way at a time: sessions begun and not committed, sessions committed and not at their end, and MiB
+/// of the scans of both. 0: no limit.
+struct QuotaConfig {
+  int robot_sessions = 32, robot_jobs = 128, robot_mib = 64 << 10;
+  int map_sessions = 1000, map_jobs = 10'000, map_mib = 1 << 20;
+  int retry_seconds = 15;  ///< after which whoever was refused is told to come again
+};
+
+/// How the listeners are guarded.
+struct Security {
+  std::string tls_cert, tls_key;  ///< PEM files; empty: no TLS
+  std::string tls_client_ca;      ///< PEM file: gRPC clients need a certificate of these; empty: they need none
+  std::string tokens;             ///< file, see server/auth/token_table.h; empty: anybody may do everything
+  bool insecure = false;          ///< listen beyond loopback without TLS or without tokens
+};
+
 /// Everything that mapkeepd can be told; see server/settings.h for names, ranges and meanings.
 struct Config {
   std::string data = "mapkeep-data";
@@ -70,6 +89,8 @@ struct Config {
   int threads = 0;  ///< of the pipeline's parallel loops; 0: all cores
   LogFormat log_format = LogFormat::kText;
   std::string ports_file;  ///< empty: none
+  Security security;
+  QuotaConfig quota;
   Limits limits;
   EngineConfig engine;
   History history;

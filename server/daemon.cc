@@ -15,11 +15,23 @@
 #include <thread>
 #include <utility>
 
+#include "server/auth/authority.h"
+#include "server/auth/certificates.h"
+#include "server/credential_watch.h"
 #include "server/housekeeping.h"
 #include "server/http/admin_server.h"
 #include "server/log.h"
+#include "server/metrics/call_metrics.h"
+#include "server/metrics/metered_engine.h"
+#include "server/metrics/metrics.h"
+#include "server/metrics/pipeline_metrics.h"
+#include "server/metrics/process_metrics.h"
 #include "server/pipeline/pipeline.h"
+#include "server/quota/quota_watch.h"
+#include "server/quota/quotas.h"
+#include "server/rpc/gate.h"
 #include "server/rpc/rpc_server.h"
+#include "server/service_notice.h"
 #include "server/work_pool.h"
 #include "storage/rados_engine.h"
 #include "storage/rocksdb_engine.h"
@@ -57,6 +69,14 @@ absl::StatusOr<std::string> HolderName(const fs::path& data) {
 // In the order that the parts need each other; they go in the opposite one.
 struct Daemon::State {
   Config config;
+  std::unique_ptr<Authority> authority = std::make_unique<Authority>();
+  std::unique_ptr<Certificates> certificates;  // nullptr: no TLS
+  std::unique_ptr<CredentialWatch> credential_watch;
+  Metrics metrics;
+  CallMetrics call_metrics{metrics};
+  std::unique_ptr<Quotas> quotas;
+  PipelineEvents pipeline_events =
+      CountedEvents(metrics, [this](const SessionRecord& session) { quotas->Note(session); });
   std::unique_ptr<AdminServer> admin;
   std::unique_ptr<Engine> engine;
   std::unique_ptr<MapStore> maps;
@@ -66,9 +86,34 @@ struct Daemon::State {
   std::shared_mutex map_lifetimes;
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<WorkPool> pool;
+  std::unique_ptr<Gate> gate;
   std::unique_ptr<RpcServer> rpc;
   std::unique_ptr<Housekeeping> housekeeping;
+  std::unique_ptr<QuotaWatch> quota_watch;
+  std::unique_ptr<ServiceNotice> notice;
   bool stopped = false;
+
+  ~State() { metrics.ForgetSources(); }  // the admin listener still answers while the parts go
+
+  absl::Status ReadCredentials() {
+    const Security& security = config.security;
+    if (!security.tokens.empty()) {
+      auto opened = Authority::Open(security.tokens);
+      if (!opened.ok()) return opened.status();
+      authority = *std::move(opened);
+    }
+    if (!security.tls_cert.empty()) {
+      auto opened = Certificates::Open(security.tls_cert, security.tls_key);
+      if (!opened.ok()) return opened.status();
+      certificates = *std::move(opened);
+      if (!security.tls_client_ca.empty() && !std::ifstream(security.tls_client_ca)) {
+        return absl::InvalidArgumentError(absl::StrCat("--tls-client-ca ", security.tls_client_ca, ": cannot be read"));
+      }
+    }
+    gate = std::make_unique<Gate>(*authority);
+    credential_watch = std::make_unique<CredentialWatch>(*authority, certificates.get());
+    return absl::OkStatus();
+  }
 
   absl::StatusOr<std::unique_ptr<Engine>> OpenEngine() const {
     const EngineConfig& given = config.engine;
@@ -91,33 +136,93 @@ struct Daemon::State {
     if (error) return absl::UnavailableError(absl::StrFormat("--data %s: %s", config.data, error.message()));
     auto opened = OpenEngine();
     if (!opened.ok()) return opened.status();
-    engine = *std::move(opened);
+    engine = Metered(*std::move(opened), metrics);
     maps = OpenMapStore(*engine, {.block_cache_bytes = static_cast<size_t>(config.limits.block_cache_mib) << 20});
     sessions = OpenSessionStore(*engine);
     leases = OpenLeases(*engine);
     return absl::OkStatus();
   }
 
+  void MakeQuotas() {
+    const QuotaConfig& given = config.quota;
+    const auto bytes = [](int mib) { return static_cast<int64_t>(mib) << 20; };
+    quotas = std::make_unique<Quotas>(QuotaLimits{given.robot_sessions, given.robot_jobs, bytes(given.robot_mib)},
+                                      QuotaLimits{given.map_sessions, given.map_jobs, bytes(given.map_mib)},
+                                      std::chrono::seconds(given.retry_seconds),
+                                      [this](const std::string& quota) { call_metrics.QuotaRefused(quota); });
+    quota_watch = std::make_unique<QuotaWatch>(*engine, *sessions, *quotas);
+  }
+
   absl::Status StartServing() {
+    MakeQuotas();
     const auto holder = HolderName(config.data);
     if (!holder.ok()) return holder.status();
     pipeline =
-        std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed},
+        std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, &pipeline_events},
                                    PipelineOptions{.threads = config.threads,
                                                    .jobs = config.limits.jobs,
                                                    .lease_seconds = static_cast<double>(config.limits.lease_seconds),
                                                    .holder = *holder,
                                                    .stages = config.stages});
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
-    auto started =
-        RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, map_lifetimes});
+    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, *gate,
+                                                    call_metrics, *quotas, map_lifetimes});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
     std::function<absl::Status()> take_over;
     if (config.engine.choice == EngineChoice::kRados) take_over = [this] { return pipeline->ResumeUnfinished(); };
     housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history, std::move(take_over),
                                                   config.limits.lease_seconds);
+    AddMetrics();
     return pipeline->ResumeUnfinished();
+  }
+
+  // What the parts can be asked at any time.
+  void AddMetrics() {
+    const auto jobs = [this](auto field) {
+      return [this, field] { return static_cast<double>(pipeline->Status().*field); };
+    };
+    metrics.AddGauge("mapkeep_jobs_waiting", "Sessions that wait for a worker", jobs(&JobQueueStatus::waiting));
+    metrics.AddGauge("mapkeep_jobs_running", "Sessions at work", jobs(&JobQueueStatus::at_work));
+    metrics.AddGauge("mapkeep_job_oldest_seconds", "How long the session that waits longest has waited",
+                     jobs(&JobQueueStatus::oldest_seconds));
+    const auto work = [this](auto field) {
+      return [this, field] { return static_cast<double>(pool->Status().*field); };
+    };
+    metrics.AddGauge("mapkeep_pool_waiting", "Tasks of calls that wait for a storage thread",
+                     work(&WorkPoolStatus::waiting));
+    metrics.AddGauge("mapkeep_pool_running", "Storage threads at work", work(&WorkPoolStatus::at_work));
+    metrics.AddGauge("mapkeep_pool_oldest_seconds", "How long the next task has waited for a storage thread",
+                     work(&WorkPoolStatus::oldest_seconds));
+    metrics.AddCount("mapkeep_pool_tasks_total", "Tasks of calls that storage threads have done",
+                     work(&WorkPoolStatus::done));
+    metrics.AddGauge("mapkeep_uploads_open", "Uploads under way",
+                     [this] { return static_cast<double>(rpc->uploads()); });
+    for (const bool blocks : {true, false}) {
+      const auto of = [this, blocks] { return blocks ? maps->Caches().blocks : maps->Caches().nodes; };
+      const prometheus::Labels labels = {{"cache", blocks ? "blocks" : "nodes"}};
+      metrics.AddCount(
+          "mapkeep_cache_hits_total", "Reads that a cache answered", [of] { return static_cast<double>(of().hits); },
+          labels);
+      metrics.AddCount(
+          "mapkeep_cache_misses_total", "Reads that went past a cache to the engine",
+          [of] { return static_cast<double>(of().misses); }, labels);
+      metrics.AddGauge(
+          "mapkeep_cache_bytes", "Bytes that a cache holds", [of] { return static_cast<double>(of().bytes); }, labels);
+    }
+    const auto use = [this](auto field) {
+      return [this, field] { return static_cast<double>(quotas->Total().*field); };
+    };
+    metrics.AddGauge("mapkeep_quota_sessions", "Sessions that are begun and not committed",
+                     use(&Quotas::Use::sessions));
+    metrics.AddGauge("mapkeep_quota_jobs", "Sessions that are committed and not at their end", use(&Quotas::Use::jobs));
+    metrics.AddGauge("mapkeep_quota_bytes", "Bytes of the scans of both", use(&Quotas::Use::bytes));
+    metrics.AddGauge("mapkeep_ready", "1 while the daemon takes work", [this] { return admin->ready() ? 1 : 0; });
+    if (certificates != nullptr) {
+      metrics.AddGauge("mapkeep_certificate_expiry_seconds", "When the certificate expires, seconds since 1970 (UTC)",
+                       [this] { return certificates->expiry(); });
+    }
+    AddProcessMetrics(metrics);
   }
 };
 
@@ -126,8 +231,10 @@ Daemon::Daemon(std::unique_ptr<State> state) : state_(std::move(state)) {}
 absl::StatusOr<std::unique_ptr<Daemon>> Daemon::Start(Config config) {
   auto state = std::make_unique<State>();
   state->config = std::move(config);
-  // The admin listener first: a daemon that takes long to open its store is alive, though not ready.
-  auto admin = AdminServer::Start(state->config.admin);
+  // The admin listener before the store: a daemon that takes long to open its store is alive, though not ready.
+  if (absl::Status status = state->ReadCredentials(); !status.ok()) return status;
+  auto admin = AdminServer::Start(state->config.admin, {*state->authority, state->certificates.get(),
+                                                        [of = state.get()] { return of->metrics.Text(); }});
   if (!admin.ok()) return admin.status();
   state->admin = *std::move(admin);
   if (absl::Status status = state->OpenStores(); !status.ok()) return status;
@@ -146,6 +253,14 @@ absl::StatusOr<std::unique_ptr<Daemon>> Daemon::Start(Config config) {
     if (absl::Status status = WriteFile(running.config.ports_file, ports.dump() + "\n"); !status.ok()) return status;
   }
   LogInfo("serving", {{"listen", listen}, {"admin", admin_address}, {"data", running.config.data}});
+  // Takes every lock that the parts share: one that is held for ever ends in a restart by systemd.
+  running.notice = std::make_unique<ServiceNotice>([&running] {
+    running.pipeline->Status();
+    running.pool->Status();
+    running.rpc->uploads();
+    running.metrics.Text();
+    return true;
+  });
   return daemon;
 }
 
@@ -154,12 +269,15 @@ Daemon::~Daemon() { Stop(); }
 void Daemon::Stop() {
   if (std::exchange(state_->stopped, true)) return;
   LogInfo("stopping");
+  if (state_->notice != nullptr) state_->notice->Stopping();
   state_->admin->SetReady(false);
   state_->rpc->SetServing(false);
   std::this_thread::sleep_for(std::chrono::seconds(state_->config.limits.drain_seconds));
   state_->housekeeping.reset();
+  state_->quota_watch.reset();
   state_->pipeline->Close();
   state_->rpc->Shutdown(std::chrono::seconds(state_->config.limits.shutdown_seconds));
+  state_->metrics.ForgetSources();
   state_->rpc.reset();
   state_->pool.reset();
   state_->pipeline.reset();

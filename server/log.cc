@@ -5,14 +5,17 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <atomic>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace mapkeep {
 namespace {
 
 std::atomic<LogFormat> log_format{LogFormat::kText};
+thread_local const LogTags* current_tags = nullptr;
 
 // As JSON writes it, with bytes that are no UTF-8 replaced: names in error messages come from outside.
 std::string Quoted(std::string_view text) {
@@ -23,7 +26,19 @@ bool NeedsQuotes(std::string_view text) {
   return text.empty() || text.find_first_of(" =\"\\\n\t") != std::string_view::npos;
 }
 
-void Write(spdlog::level::level_enum level, std::string_view event, std::initializer_list<LogField> fields) {
+std::vector<LogField> WithTags(std::initializer_list<LogField> fields) {
+  std::vector<LogField> all(fields);
+  if (current_tags == nullptr) return all;
+  for (const auto& [key, value] : *current_tags) {
+    if (std::ranges::none_of(fields, [&key](const LogField& field) { return field.key == key; })) {
+      all.emplace_back(key, value);
+    }
+  }
+  return all;
+}
+
+void Write(spdlog::level::level_enum level, std::string_view event, std::initializer_list<LogField> given) {
+  const std::vector<LogField> fields = WithTags(given);
   std::string line;
   if (log_format == LogFormat::kJson) {
     line = absl::StrCat("\"event\":", Quoted(event));
@@ -43,6 +58,10 @@ void Write(spdlog::level::level_enum level, std::string_view event, std::initial
 
 LogField::LogField(std::string_view name, double number)
     : key(name), value(absl::StrFormat("%.6g", number)), is_number(true) {}
+
+LogScope::LogScope(LogTags tags) : tags_(std::move(tags)), outer_(std::exchange(current_tags, &tags_)) {}
+
+LogScope::~LogScope() { current_tags = outer_; }
 
 void StartLogging(LogFormat format) {
   log_format = format;

@@ -4,6 +4,8 @@
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "server/config.h"
 
@@ -21,6 +23,23 @@ struct LogField {
   std::string_view key;
   std::string value;
   bool is_number = false;
+};
+
+/// Keys and values that belong to whatever is done now, not to one event.
+using LogTags = std::vector<std::pair<std::string, std::string>>;
+
+/// While it lives, every log line of this thread carries the tags that it has no field of its own for. The innermost
+/// one counts.
+class LogScope {
+ public:
+  explicit LogScope(LogTags tags);
+  ~LogScope();
+  LogScope(const LogScope&) = delete;
+  LogScope& operator=(const LogScope&) = delete;
+
+ private:
+  const LogTags tags_;
+  const LogTags* const outer_;
 };
 
 /// Log lines go to standard error from here on, one an event: time (UTC), level, event, fields.

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
+#include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
@@ -8,6 +11,13 @@
 #include <vector>
 
 namespace mapkeep {
+
+/// What a pool has to do.
+struct WorkPoolStatus {
+  size_t waiting = 0, at_work = 0;
+  uint64_t done = 0;
+  double oldest_seconds = 0;  ///< since the next one to be taken was submitted; 0: none waits
+};
 
 /// Threads for work that blocks on storage, so that it never holds up the threads that move bytes.
 class WorkPool {
@@ -21,12 +31,21 @@ class WorkPool {
   /// Runs `work` on one of the threads, in order of submission. Thread-safe.
   void Submit(std::function<void()> work);
 
+  WorkPoolStatus Status() const;
+
  private:
   void Run();
 
-  std::mutex mutex_;
+  struct Task {
+    std::function<void()> work;
+    std::chrono::steady_clock::time_point submitted;
+  };
+
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<std::function<void()>> waiting_;
+  std::deque<Task> waiting_;
+  size_t at_work_ = 0;
+  uint64_t done_ = 0;
   bool ending_ = false;
   std::vector<std::jthread> threads_;
 };

@@ -4,10 +4,13 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <list>
 #include <memory>
 #include <mutex>
 #include <utility>
+
+#include "storage/cache_use.h"
 
 namespace mapkeep {
 
@@ -23,7 +26,11 @@ class ByteCache {
     Shard& shard = ShardOf(name);
     const std::scoped_lock lock(shard.mutex);
     const auto found = shard.by_name.find(name);
-    if (found == shard.by_name.end()) return nullptr;
+    if (found == shard.by_name.end()) {
+      ++shard.misses;
+      return nullptr;
+    }
+    ++shard.hits;
     shard.newest_first.splice(shard.newest_first.begin(), shard.newest_first, found->second);
     return found->second->value;
   }
@@ -43,6 +50,17 @@ class ByteCache {
     }
   }
 
+  CacheUse Use() const {
+    CacheUse use;
+    for (const Shard& shard : shards_) {
+      const std::scoped_lock lock(shard.mutex);
+      use.hits += shard.hits;
+      use.misses += shard.misses;
+      use.bytes += shard.bytes;
+    }
+    return use;
+  }
+
  private:
   static constexpr size_t kShards = 16;
 
@@ -52,7 +70,8 @@ class ByteCache {
     size_t bytes = 0;
   };
   struct Shard {
-    std::mutex mutex;
+    mutable std::mutex mutex;
+    uint64_t hits = 0, misses = 0;
     std::list<Entry> newest_first;
     absl::flat_hash_map<Name, typename std::list<Entry>::iterator> by_name;
     size_t bytes = 0;

@@ -21,6 +21,8 @@ std::unique_ptr<MapStore> OpenMapStore(Engine& engine, const MapStoreOptions& op
 MapStore::MapStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
 MapStore::~MapStore() = default;
 
+MapCacheUse MapStore::Caches() const { return {state_->caches.blocks.Use(), state_->caches.nodes.Use()}; }
+
 absl::StatusOr<MapRecord> MapStore::Create(const MapRecord& record) {
   Engine& engine = state_->engine;
   MapRecord map = record;

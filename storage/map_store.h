@@ -16,6 +16,7 @@
 #include "core/geometry/progress.h"
 #include "core/voxels/block.h"
 #include "core/voxels/voxel_index.h"
+#include "storage/cache_use.h"
 #include "storage/clock.h"
 #include "storage/engine.h"
 
@@ -129,6 +130,11 @@ struct CommitRequest {
   std::function<absl::StatusOr<std::vector<Block>>(const Snapshot& head)> blocks;
 };
 
+/// How the store's caches fare.
+struct MapCacheUse {
+  CacheUse blocks, nodes;
+};
+
 /// Versioned maps on an engine: immutable trees of blocks, a head a map, and the commit protocol of the design's
 /// section 4. Thread-safe.
 class MapStore final {
@@ -188,6 +194,8 @@ class MapStore final {
 
   /// The record of a session's commit, if it is applied.
   absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map, std::string_view session) const;
+
+  MapCacheUse Caches() const;
 
  private:
   std::unique_ptr<State> state_;

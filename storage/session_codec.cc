@@ -83,6 +83,7 @@ std::string EncodeSession(const StoredSession& session) {
   if (record.initial_pose) row.mutable_initial_pose()->Add(record.initial_pose->begin(), record.initial_pose->end());
   row.set_lacks_map(record.lacks_map);
   row.set_retries(record.retries);
+  row.set_staged_bytes(record.staged_bytes);
   return EncodeRecord(row);
 }
 
@@ -117,6 +118,7 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   }
   record.lacks_map = row->lacks_map();
   record.retries = row->retries();
+  record.staged_bytes = row->staged_bytes();
   return session;
 }
 

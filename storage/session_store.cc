@@ -19,6 +19,7 @@ namespace mapkeep {
 namespace {
 
 constexpr int kTries = 64;
+constexpr uint64_t kPointBytes = 16;
 constexpr size_t kPosesAtOnce = 1024;
 constexpr size_t kRowsAtOnce = 1000;
 constexpr std::string_view kCreatedPrefix = "created/";
@@ -198,6 +199,7 @@ absl::StatusOr<SessionRecord> BeginAgain(Engine& engine, std::string_view map, s
         next.pose_count = 0;
         next.record.state = SessionState::kUploading;
         next.record.durable_scans = 0;
+        next.record.staged_bytes = 0;
         next.record.scans_deleted = false;
         next.record.ended = 0;
         next.record.reason.clear();
@@ -245,6 +247,7 @@ absl::StatusOr<SessionRecord> SessionStore::Begin(const SessionRecord& session) 
     StoredSession stored{session, Random64(), static_cast<uint32_t>(session.scan_crc32c.size())};
     stored.record.state = SessionState::kUploading;
     stored.record.durable_scans = 0;
+    stored.record.staged_bytes = 0;
     stored.record.scans_deleted = false;
     const std::vector<Condition> conditions = {{SessionRowKey(session.id), std::nullopt}};
     const std::vector<Mutation> mutations = {{SessionRowKey(session.id), EncodeSession(stored)},
@@ -324,6 +327,7 @@ absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id
         if (absl::Status status = CheckAppend(now, first, scans.size()); !status.ok()) return status;
         Change change{now};
         change.next.record.durable_scans = first + static_cast<uint32_t>(scans.size());
+        for (const StagedScan& scan : scans) change.next.record.staged_bytes += kPointBytes * scan.scan.points.size();
         return change;
       });
   if (!absl::IsNotFound(changed.status())) return changed.status();

@@ -53,8 +53,9 @@ struct SessionRecord {
   SessionReport report;
   /// Where the first scan was taken, if anybody said so: x, y, z in the map frame, and yaw (metres, radians).
   std::optional<std::array<double, 4>> initial_pose;
-  bool lacks_map = false;  ///< refused, and the map may just not reach there yet
-  uint32_t retries = 0;    ///< times that the daemon has tried it again by itself
+  bool lacks_map = false;     ///< refused, and the map may just not reach there yet
+  uint32_t retries = 0;       ///< times that the daemon has tried it again by itself
+  uint64_t staged_bytes = 0;  ///< of scans [0, durable_scans) as they came: 16 bytes a point
 };
 
 /// A scan as it waits for the pipeline: as uploaded, bit for bit.
@@ -92,7 +93,8 @@ class SessionStore final {
   absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const;
 
   /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
-  /// itself is not taken from `session`: content, durable_scans, scans_deleted, created.
+  /// itself is not taken from `session`: content, durable_scans, staged_bytes,
+  /// scans_deleted, created.
   absl::Status Update(const SessionRecord& session, SessionState expected);
 
   /// Takes a session that was refused, failed or was rolled back back to state queued, without reason and report, and

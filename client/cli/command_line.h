@@ -16,14 +16,10 @@ enum class ExitCode : int {
 };
 
 struct GlobalOptions {
-  std::string server = ClientOptions().server;
+  ClientOptions client;
   bool json = false;
 
-  Client Connect() const {
-    ClientOptions client;
-    client.server = server;
-    return Client(client);
-  }
+  Client Connect() const { return Client(client); }
 };
 
 /// The program's command line. Command groups add their commands to `app`; a command that is given sets `action`, which
@@ -33,6 +29,9 @@ struct CommandLine {
   GlobalOptions options;
   std::function<ExitCode()> action;
 };
+
+/// --server and what a connection needs: --tls-ca, --token and so on.
+void AddConnectionOptions(CommandLine& line);
 
 void AddAdminCommands(CommandLine& line);
 void AddMapCommands(CommandLine& line);

@@ -26,10 +26,7 @@ int Run(int argc, char** argv) {
   app.set_version_flag("--version", "mapkeep " MAPKEEP_VERSION);
   app.fallthrough();  // global options may also stand behind the command
   app.require_subcommand(1);
-  app.add_option("--server", line.options.server, "Address of mapkeepd")
-      ->type_name("HOST:PORT")
-      ->envname("MAPKEEP_SERVER")
-      ->capture_default_str();
+  AddConnectionOptions(line);
   app.add_flag("--json", line.options.json, "One JSON document on the standard output, for programs");
   AddMapCommands(line);
   AddAdminCommands(line);

@@ -27,6 +27,12 @@ struct ClientOptions {
   std::string server = "127.0.0.1:7443";  ///< HOST:PORT
   double connect_seconds = 3;             ///< how long a call waits for a server that does not answer
   double patience_seconds = 60;  ///< how long an upload or a watch, once begun, outlasts a break without progress
+
+  bool tls = false;               ///< TLS with the system's authorities; implied by the files below
+  std::string tls_ca;             ///< PEM file: authorities that may have signed the server's certificate
+  std::string tls_cert, tls_key;  ///< PEM files: this client's own certificate, where the server asks for one
+  std::string token;              ///< sent with every call; empty: none
+  bool insecure = false;          ///< send the token also without TLS to another machine
 };
 
 /// A session to upload. `scans` and the spans outlive the call.

@@ -7,30 +7,13 @@
 #include <algorithm>
 #include <string>
 
+#include "client/mapkeep/channel.h"
+
 namespace mapkeep {
-namespace {
-
-constexpr int kLargestMessage = 8 << 20;  // bytes, as the server's
-
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& server) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(kLargestMessage);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  // A peer that vanished without a word is noticed within 40 s; the server allows pings every 10 s.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  // Robots speak to their own server: a proxy from the environment is for the web.
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
-}
-
-}  // namespace
-
 Connection::Connection(const ClientOptions& options)
     : options_(options),
-      channel_(MakeChannel(options.server)),
+      usable_(CheckCredentials(options)),
+      channel_(MakeChannel(usable_.ok() ? options : ClientOptions{.server = options.server})),
       admin_(v1::AdminService::NewStub(channel_)),
       maps_(v1::MapService::NewStub(channel_)),
       sessions_(v1::SessionService::NewStub(channel_)),
@@ -38,6 +21,7 @@ Connection::Connection(const ClientOptions& options)
       localization_(v1::LocalizationService::NewStub(channel_)) {}
 
 absl::Status Connection::WaitForServer() const {
+  if (!usable_.ok()) return usable_;
   if (channel_->WaitForConnected(absl::ToChronoTime(absl::Now() + absl::Seconds(options_.connect_seconds)))) {
     return absl::OkStatus();
   }

@@ -29,7 +29,7 @@ class Connection {
   v1::TileService::Stub& tiles() const { return *tiles_; }
   v1::LocalizationService::Stub& localization() const { return *localization_; }
 
-  /// Waits up to connect_seconds for the server. UNAVAILABLE naming its address.
+  /// Waits up to connect_seconds for the server. UNAVAILABLE naming its address, or what is wrong with the credentials.
   absl::Status WaitForServer() const;
 
   /// The server's code and message.
@@ -50,6 +50,7 @@ class Connection {
   static constexpr absl::Duration kCallTimeout = absl::Minutes(2);
 
   ClientOptions options_;
+  absl::Status usable_;  ///< what CheckCredentials says of the options
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::AdminService::Stub> admin_;
   std::unique_ptr<v1::MapService::Stub> maps_;

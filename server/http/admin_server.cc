@@ -6,6 +6,9 @@
 
 #include <string>
 #include <thread>
+#include <utility>
+
+#include "server/log.h"
 
 namespace mapkeep {
 namespace {
@@ -17,15 +20,24 @@ constexpr size_t kLargestRequest = 64 << 10;
 }  // namespace
 
 struct AdminServer::Listener {
-  httplib::Server server;
+  std::unique_ptr<httplib::Server> server;
   std::thread thread;
 };
 
-AdminServer::AdminServer() : listener_(std::make_unique<Listener>()) {}
+AdminServer::AdminServer(AdminServerParts parts) : parts_(std::move(parts)), listener_(std::make_unique<Listener>()) {
+  if (parts_.certificates == nullptr) {
+    listener_->server = std::make_unique<httplib::Server>();
+  } else {
+    listener_->server = std::make_unique<httplib::SSLServer>([this](SSL_CTX& context) {
+      parts_.certificates->Serve(&context);
+      return true;
+    });
+  }
+}
 
-absl::StatusOr<std::unique_ptr<AdminServer>> AdminServer::Start(const Endpoint& endpoint) {
-  std::unique_ptr<AdminServer> admin(new AdminServer);
-  httplib::Server& server = admin->listener_->server;
+absl::StatusOr<std::unique_ptr<AdminServer>> AdminServer::Start(const Endpoint& endpoint, AdminServerParts parts) {
+  std::unique_ptr<AdminServer> admin(new AdminServer(std::move(parts)));
+  httplib::Server& server = *admin->listener_->server;
   server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
   server.set_read_timeout(kTimeoutSeconds);
   server.set_write_timeout(kTimeoutSeconds);
@@ -40,6 +52,18 @@ absl::StatusOr<std::unique_ptr<AdminServer>> AdminServer::Start(const Endpoint& 
   server.Get("/readyz", [&ready = admin->ready_](const httplib::Request&, httplib::Response& response) {
     response.status = ready ? 200 : 503;
     response.set_content(ready ? "ready\n" : "not ready\n", "text/plain");
+  });
+  server.Get("/metrics", [&parts = admin->parts_](const httplib::Request& request, httplib::Response& response) {
+    const absl::Status allowed =
+        parts.authority.Authorize(request.get_header_value("Authorization"), Access::kRead, Scope::All()).status();
+    if (!allowed.ok()) {
+      LogWarning("metrics refused", {{"peer", request.remote_addr}, {"why", std::string(allowed.message())}});
+      response.status = absl::IsUnauthenticated(allowed) ? 401 : 403;
+      if (response.status == 401) response.set_header("WWW-Authenticate", "Bearer");
+      response.set_content(std::string(allowed.message()) + "\n", "text/plain");
+      return;
+    }
+    response.set_content(parts.metrics(), "text/plain; version=0.0.4; charset=utf-8");
   });
   if (endpoint.port == 0) {
     admin->port_ = server.bind_to_any_port(endpoint.host);
@@ -57,8 +81,8 @@ absl::StatusOr<std::unique_ptr<AdminServer>> AdminServer::Start(const Endpoint& 
 AdminServer::~AdminServer() {
   if (!listener_->thread.joinable()) return;
   // A stop that comes before the listening thread runs would be lost.
-  while (!listener_->server.is_running()) std::this_thread::yield();
-  listener_->server.stop();
+  while (!listener_->server->is_running()) std::this_thread::yield();
+  listener_->server->stop();
   listener_->thread.join();
 }
 

@@ -52,6 +52,16 @@ void JobQueue::StopMap(std::string_view map, StopReason reason) {
   changed_.wait(lock, [&] { return !at_work_.contains(map); });
 }
 
+JobQueueStatus JobQueue::Status() const {
+  const std::lock_guard lock(mutex_);
+  JobQueueStatus status{.waiting = waiting_.size(), .at_work = at_work_.size()};
+  const auto now = std::chrono::steady_clock::now();
+  for (const auto& [order, job] : waiting_) {
+    status.oldest_seconds = std::max(status.oldest_seconds, std::chrono::duration<double>(now - job->pushed).count());
+  }
+  return status;
+}
+
 void JobQueue::Close(StopReason reason) {
   {
     const std::lock_guard lock(mutex_);

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <functional>
 #include <map>
 #include <memory>
@@ -28,10 +30,17 @@ struct Job {
   std::string map, session;
   bool resumed = false;  ///< was at work when a daemon ended: goes first
   double created = 0;    ///< of the session, seconds since 1970 (UTC)
+  std::chrono::steady_clock::time_point pushed = std::chrono::steady_clock::now();  ///< into this queue
   std::atomic<StopReason> stop = StopReason::kNone;
 
   Job(std::string map_name, std::string session_id, bool was_running, double session_created)
       : map(std::move(map_name)), session(std::move(session_id)), resumed(was_running), created(session_created) {}
+};
+
+/// How long the line is.
+struct JobQueueStatus {
+  size_t waiting = 0, at_work = 0;
+  double oldest_seconds = 0;  ///< since the one that waits longest was pushed; 0: none waits
 };
 
 /// Sessions to be merged, one at a time a map: two of one map would only race for its head, and the loser would merge
@@ -51,6 +60,8 @@ class JobQueue {
   /// Drops the map's waiting jobs, stops the one at work and waits until it is done.
   void StopMap(std::string_view map, StopReason reason);
 
+  JobQueueStatus Status() const;
+
   /// Take gives nothing from now on; jobs at work are told to stop for `reason`. Does not wait.
   void Close(StopReason reason);
 
@@ -59,7 +70,7 @@ class JobQueue {
 
   static Order OrderOf(const Job& job) { return {!job.resumed, job.created, job.map, job.session}; }
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   bool closed_ = false;
   std::map<Order, std::shared_ptr<Job>> waiting_;

@@ -96,6 +96,7 @@ struct Pipeline::State {
         LogInfo("session tried again",
                 {{"map", session.map}, {"session", session.id}, {"retries", session.retries}, {"after", job.session}});
         stores.feed.Changed({session.map, session.id});
+        if (stores.events != nullptr && stores.events->changed) stores.events->changed(session);
         queue.Push(session.map, session.id, false, session.created);
       }
       after = page->next;
@@ -160,6 +161,8 @@ absl::Status Pipeline::ResumeUnfinished() {
 void Pipeline::Push(const SessionRecord& session) {
   state_->queue.Push(session.map, session.id, session.state == SessionState::kRunning, session.created);
 }
+
+JobQueueStatus Pipeline::Status() const { return state_->queue.Status(); }
 
 void Pipeline::StopMap(std::string_view map) { state_->queue.StopMap(map, StopReason::kMapDeleted); }
 

@@ -32,6 +32,8 @@ class Pipeline {
   /// Queues a session in state queued.
   void Push(const SessionRecord& session);
 
+  JobQueueStatus Status() const;
+
   /// Ends the map's jobs without a result and returns when none is left.
   void StopMap(std::string_view map);
 

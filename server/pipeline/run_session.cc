@@ -33,7 +33,10 @@ class SessionRun {
     absl::StatusOr<SessionRecord> record = stores_.sessions.Find(job_.map, job_.session);
     if (!record.ok()) return record.status();
     record_ = *std::move(record);
-    if (HasEnded(record_.state)) return absl::OkStatus();
+    if (HasEnded(record_.state)) {  // by another daemon
+      TellChanged();
+      return absl::OkStatus();
+    }
     const auto applied = stores_.maps.FindCommit(job_.map, job_.session);
     if (!applied.ok()) return applied.status();
     if (applied->has_value()) return Conclude(**applied);
@@ -182,8 +185,16 @@ class SessionRun {
 
   absl::Status Save(SessionState before) {
     const absl::Status status = stores_.sessions.Update(record_, before);
-    if (status.ok()) stores_.feed.Changed({job_.map, job_.session});
+    if (status.ok()) {
+      stores_.feed.Changed({job_.map, job_.session});
+      TellChanged();
+      if (HasEnded(record_.state) && stores_.events != nullptr && stores_.events->ended) stores_.events->ended(record_);
+    }
     return status;
+  }
+
+  void TellChanged() const {
+    if (stores_.events != nullptr && stores_.events->changed) stores_.events->changed(record_);
   }
 
   static double SecondsSince(std::chrono::steady_clock::time_point began) {
@@ -201,6 +212,9 @@ class SessionRun {
     if (!progress(0)) return absl::CancelledError(absl::StrCat("stopped before stage ", name));
     absl::StatusOr<T> result = function(progress);
     record_.report.stages.push_back({name, SecondsSince(began)});
+    if (stores_.events != nullptr && stores_.events->stage_done) {
+      stores_.events->stage_done(name, record_.report.stages.back().seconds);
+    }
     return result;
   }
 

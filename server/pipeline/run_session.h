@@ -3,7 +3,9 @@
 #include <absl/status/status.h>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <string>
 
 #include "core/geometry/progress.h"
 #include "server/config.h"
@@ -15,12 +17,20 @@
 
 namespace mapkeep {
 
+/// What others may want to count. Called by the workers; must not block.
+struct PipelineEvents {
+  std::function<void(const std::string& stage, double seconds)> stage_done;
+  std::function<void(const SessionRecord& session)> ended;    ///< here: committed, refused or failed
+  std::function<void(const SessionRecord& session)> changed;  ///< what a session's record is now
+};
+
 /// What the pipeline works with. All of it outlives the pipeline.
 struct PipelineStores {
   MapStore& maps;
   SessionStore& sessions;
   Leases& leases;
   SessionFeed& feed;
+  const PipelineEvents* events = nullptr;  ///< nullptr: nobody counts
 };
 
 /// Takes one session through all stages on the calling oneTBB arena and writes its end (committed, refused, failed)

@@ -73,29 +73,29 @@ absl::Status CheckDirectory(const std::string& directory) {
 grpc::ServerUnaryReactor* AdminService::VerifyMap(grpc::CallbackServerContext* call,
                                                   const v1::VerifyMapRequest* request,
                                                   v1::VerifyMapResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Verify(*request, *response, WhileWanted(call)); });
+  return Answer(call, context_, *request, [=, this] { return Verify(*request, *response, WhileWanted(call)); });
 }
 
 grpc::ServerUnaryReactor* AdminService::CollectGarbage(grpc::CallbackServerContext* call,
                                                        const v1::CollectGarbageRequest* request,
                                                        v1::CollectGarbageResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Collect(*request, *response, WhileWanted(call)); });
+  return Answer(call, context_, *request, [=, this] { return Collect(*request, *response, WhileWanted(call)); });
 }
 
 grpc::ServerUnaryReactor* AdminService::Backup(grpc::CallbackServerContext* call, const v1::BackupRequest* request,
                                                v1::BackupResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return MakeBackup(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return MakeBackup(*request, *response); });
 }
 
 grpc::ServerUnaryReactor* AdminService::Restore(grpc::CallbackServerContext* call, const v1::RestoreRequest* request,
                                                 v1::RestoreResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return TakeBackup(*request, *response, WhileWanted(call)); });
+  return Answer(call, context_, *request, [=, this] { return TakeBackup(*request, *response, WhileWanted(call)); });
 }
 
 grpc::ServerUnaryReactor* AdminService::ReplayMap(grpc::CallbackServerContext* call,
                                                   const v1::ReplayMapRequest* request,
                                                   v1::ReplayMapResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Replay(*request, *response, WhileWanted(call)); });
+  return Answer(call, context_, *request, [=, this] { return Replay(*request, *response, WhileWanted(call)); });
 }
 
 absl::Status AdminService::Verify(const v1::VerifyMapRequest& request, v1::VerifyMapResponse& response,

@@ -82,7 +82,8 @@ absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& ope
 // Reads to the end of the stream, then works on the pool.
 class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
  public:
-  Localization(const ServiceContext& context, v1::LocalizeResponse* response) : context_(context), response_(response) {
+  Localization(const ServiceContext& context, Call call, v1::LocalizeResponse* response)
+      : context_(context), call_(std::move(call)), response_(response) {
     StartRead(&request_);
   }
 
@@ -100,7 +101,7 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
       case v1::LocalizeRequest::kOpen:
         if (open_) return absl::InvalidArgumentError("a second `open`");
         open_ = request_.open();
-        return absl::OkStatus();
+        return Gate::Enter(call_, request_);
       case v1::LocalizeRequest::kScan:
         if (!open_) return absl::InvalidArgumentError("the first message must be `open`");
         if (request_.scan().index() != scans_.size()) {
@@ -131,10 +132,14 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
           ToGrpc(absl::InvalidArgumentError(absl::StrCat("the stream ended while ", assembly_.Description()))));
     }
     if (!open_ || scans_.empty()) return Finish(ToGrpc(absl::InvalidArgumentError("there is no scan to look for")));
-    context_.pool.Submit([this] { Finish(ToGrpc(Find(context_, *open_, scans_, *response_))); });
+    context_.pool.Submit([this] {
+      const LogScope scope(call_.tags());
+      Finish(ToGrpc(Find(context_, *open_, scans_, *response_)));
+    });
   }
 
   const ServiceContext context_;
+  Call call_;
   v1::LocalizeResponse* response_;
   v1::LocalizeRequest request_;
   std::optional<v1::OpenLocalization> open_;
@@ -145,9 +150,11 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::LocalizeRequest>* LocalizationService::Localize(grpc::CallbackServerContext*,
+grpc::ServerReadReactor<v1::LocalizeRequest>* LocalizationService::Localize(grpc::CallbackServerContext* call,
                                                                             v1::LocalizeResponse* response) {
-  return new Localization(context_, response);
+  return Admitted<grpc::ServerReadReactor<v1::LocalizeRequest>>(
+      context_.gate, *call, v1::LocalizeRequest(),
+      [&](Call of) { return new Localization(context_, std::move(of), response); });
 }
 
 }  // namespace mapkeep

@@ -35,12 +35,12 @@ v1::Version ToProto(const MapVersion& version) {
 grpc::ServerUnaryReactor* MapService::ListVersions(grpc::CallbackServerContext* call,
                                                    const v1::ListVersionsRequest* request,
                                                    v1::ListVersionsResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Versions(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return Versions(*request, *response); });
 }
 
 grpc::ServerUnaryReactor* MapService::AddTag(grpc::CallbackServerContext* call, const v1::AddTagRequest* request,
                                              v1::AddTagResponse* response) {
-  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+  return Answer(call, context_, *request, [=, this]() -> absl::Status {
     if (absl::Status status = CheckName("map name", request->map()); !status.ok()) return status;
     if (absl::Status status = CheckName("tag", request->tag()); !status.ok()) return status;
     const auto tag = context_.maps.AddTag(request->map(), request->tag(),
@@ -53,7 +53,7 @@ grpc::ServerUnaryReactor* MapService::AddTag(grpc::CallbackServerContext* call, 
 
 grpc::ServerUnaryReactor* MapService::RemoveTag(grpc::CallbackServerContext* call, const v1::RemoveTagRequest* request,
                                                 v1::RemoveTagResponse*) {
-  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+  return Answer(call, context_, *request, [=, this]() -> absl::Status {
     if (absl::Status status = CheckName("map name", request->map()); !status.ok()) return status;
     return context_.maps.RemoveTag(request->map(), request->tag());
   });
@@ -62,12 +62,13 @@ grpc::ServerUnaryReactor* MapService::RemoveTag(grpc::CallbackServerContext* cal
 grpc::ServerUnaryReactor* MapService::RollBackMap(grpc::CallbackServerContext* call,
                                                   const v1::RollBackMapRequest* request,
                                                   v1::RollBackMapResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return RollBack(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return RollBack(*request, *response); });
 }
 
 grpc::ServerWriteReactor<v1::CompareEpochsResponse>* MapService::CompareEpochs(
-    grpc::CallbackServerContext*, const v1::CompareEpochsRequest* request) {
-  return NewEpochComparison(context_, *request);
+    grpc::CallbackServerContext* call, const v1::CompareEpochsRequest* request) {
+  return Admitted<grpc::ServerWriteReactor<v1::CompareEpochsResponse>>(
+      context_.gate, *call, *request, [&](const Call&) { return NewEpochComparison(context_, *request); });
 }
 
 absl::Status MapService::Versions(const v1::ListVersionsRequest& request, v1::ListVersionsResponse& response) {

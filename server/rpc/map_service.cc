@@ -24,12 +24,12 @@ constexpr double kDefaultVoxelSize = 0.2, kSmallestVoxelSize = 0.05, kLargestVox
 
 grpc::ServerUnaryReactor* MapService::CreateMap(grpc::CallbackServerContext* call, const v1::CreateMapRequest* request,
                                                 v1::CreateMapResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Create(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return Create(*request, *response); });
 }
 
 grpc::ServerUnaryReactor* MapService::GetMap(grpc::CallbackServerContext* call, const v1::GetMapRequest* request,
                                              v1::GetMapResponse* response) {
-  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+  return Answer(call, context_, *request, [=, this]() -> absl::Status {
     if (absl::Status status = CheckName("map name", request->name()); !status.ok()) return status;
     const auto snapshot = context_.maps.Open(request->name());
     if (!snapshot.ok()) return snapshot.status();
@@ -40,18 +40,18 @@ grpc::ServerUnaryReactor* MapService::GetMap(grpc::CallbackServerContext* call, 
 
 grpc::ServerUnaryReactor* MapService::ListMaps(grpc::CallbackServerContext* call, const v1::ListMapsRequest* request,
                                                v1::ListMapsResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return List(*request, *response); });
+  return Answer(call, context_, *request, [=, this](const Call& of) { return List(of, *request, *response); });
 }
 
 grpc::ServerUnaryReactor* MapService::DeleteMap(grpc::CallbackServerContext* call, const v1::DeleteMapRequest* request,
                                                 v1::DeleteMapResponse*) {
-  return Answer(call, context_.pool, [=, this] { return Delete(*request); });
+  return Answer(call, context_, *request, [=, this] { return Delete(*request); });
 }
 
 grpc::ServerUnaryReactor* MapService::QueryVoxel(grpc::CallbackServerContext* call,
                                                  const v1::QueryVoxelRequest* request,
                                                  v1::QueryVoxelResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Query(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return Query(*request, *response); });
 }
 
 absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response) {
@@ -82,13 +82,14 @@ absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateM
   return absl::OkStatus();
 }
 
-absl::Status MapService::List(const v1::ListMapsRequest& request, v1::ListMapsResponse& response) {
+absl::Status MapService::List(const Call& call, const v1::ListMapsRequest& request, v1::ListMapsResponse& response) {
   const auto after = PositionOf(request.page_token());
   if (!after.ok()) return after.status();
   const size_t size = PageSize(request.page_size());
   const auto records = context_.maps.List(*after, size + 1);
   if (!records.ok()) return records.status();
   for (size_t i = 0; i < std::min(size, records->size()); ++i) {
+    if (!call.caller.May(Access::kRead, (*records)[i].name)) continue;
     const auto snapshot = context_.maps.Open((*records)[i].name);
     if (absl::IsNotFound(snapshot.status())) continue;  // deleted since
     if (!snapshot.ok()) return snapshot.status();
@@ -106,6 +107,7 @@ absl::Status MapService::Delete(const v1::DeleteMapRequest& request) {
   context_.pipeline.StopMap(name);
   if (absl::Status status = context_.maps.Delete(name); !status.ok()) return status;
   if (absl::Status status = context_.sessions.DeleteAll(name); !status.ok()) return status;
+  context_.quotas.ForgetMap(name);
   LogInfo("map deleted", {{"map", name}});
   return absl::OkStatus();
 }

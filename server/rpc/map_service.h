@@ -33,7 +33,7 @@ class MapService final : public v1::MapService::CallbackService {
 
  private:
   absl::Status Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response);
-  absl::Status List(const v1::ListMapsRequest& request, v1::ListMapsResponse& response);
+  absl::Status List(const Call& call, const v1::ListMapsRequest& request, v1::ListMapsResponse& response);
   absl::Status Delete(const v1::DeleteMapRequest& request);
   absl::Status Versions(const v1::ListVersionsRequest& request, v1::ListVersionsResponse& response);
   absl::Status RollBack(const v1::RollBackMapRequest& request, v1::RollBackMapResponse& response);

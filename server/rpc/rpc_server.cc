@@ -3,8 +3,14 @@
 #include <absl/strings/str_format.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
+#include <grpcpp/resource_quota.h>
+
+#include <utility>
+#include <vector>
 
 #include "server/rpc/admin_service.h"
+#include "server/rpc/call_observer.h"
+#include "server/rpc/credentials.h"
 #include "server/rpc/localization_service.h"
 #include "server/rpc/map_service.h"
 #include "server/rpc/session_service.h"
@@ -15,6 +21,8 @@ namespace mapkeep {
 namespace {
 
 constexpr int kLargestMessage = 8 << 20;
+// Of one connection; proxies put many clients on one, and open another when it is full.
+constexpr int kMostStreams = 1024;
 
 }  // namespace
 
@@ -41,15 +49,25 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
   rpc->services_ = std::make_unique<Services>(context);
   Services& services = *rpc->services_;
 
+  const Limits& limits = context.config.limits;
   grpc::ServerBuilder builder;
   builder.SetMaxReceiveMessageSize(kLargestMessage);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a taken port is an error, not a share
   // Finds clients that vanished without a word, and bears clients that do the same.
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 1000 * limits.keepalive_seconds);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 500 * limits.keepalive_seconds);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
-  builder.AddListeningPort(ToString(endpoint), grpc::InsecureServerCredentials(), &rpc->port_);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 1000 * limits.handshake_seconds);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostStreams);
+  // Under pressure gRPC reads less from everybody instead of growing.
+  grpc::ResourceQuota memory("mapkeepd");
+  memory.Resize(static_cast<size_t>(limits.rpc_memory_mib) << 20);
+  builder.SetResourceQuota(memory);
+  builder.AddListeningPort(ToString(endpoint), ServerCredentialsOf(context.config.security), &rpc->port_);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
+  observers.push_back(NewCallObserver(context.metrics));
+  builder.experimental().SetInterceptorCreators(std::move(observers));
   builder.RegisterService(&services.admin);
   builder.RegisterService(&services.maps);
   builder.RegisterService(&services.sessions);
@@ -67,6 +85,8 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
 RpcServer::~RpcServer() {
   if (services_ != nullptr && services_->server != nullptr) Shutdown(std::chrono::seconds(0));
 }
+
+size_t RpcServer::uploads() const { return services_->uploads.size(); }
 
 void RpcServer::SetServing(bool serving) {
   if (auto* health = services_->server->GetHealthCheckService()) health->SetServingStatus(serving);

@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <chrono>
+#include <cstddef>
 #include <memory>
 
 #include "server/rpc/context.h"
@@ -17,6 +18,9 @@ class RpcServer {
   ~RpcServer();
 
   int port() const { return port_; }
+
+  /// Uploads under way.
+  size_t uploads() const;
 
   /// What the health service answers.
   void SetServing(bool serving);

@@ -35,25 +35,27 @@ v1::Session Described(const ServiceContext& context, const SessionRecord& sessio
 grpc::ServerUnaryReactor* SessionService::BeginSession(grpc::CallbackServerContext* call,
                                                        const v1::BeginSessionRequest* request,
                                                        v1::BeginSessionResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Begin(*request, *response); });
+  return Answer(call, context_, *request, [=, this](const Call& of) { return Begin(of, *request, *response); });
 }
 
 grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>* SessionService::UploadScans(
-    grpc::CallbackServerContext*) {
-  return NewUpload(context_, uploads_);
+    grpc::CallbackServerContext* call) {
+  using Reactor = grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>;
+  return Admitted<Reactor>(context_.gate, *call, v1::UploadScansRequest(),
+                           [&](Call of) { return NewUpload(context_, *call, std::move(of), uploads_); });
 }
 
 grpc::ServerUnaryReactor* SessionService::CommitSession(grpc::CallbackServerContext* call,
                                                         const v1::CommitSessionRequest* request,
                                                         v1::CommitSessionResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Commit(*request, *response); });
+  return Answer(call, context_, *request, [=, this](const Call& of) { return Commit(of, *request, *response); });
 }
 
 grpc::ServerUnaryReactor* SessionService::GetSession(grpc::CallbackServerContext* call,
                                                      const v1::GetSessionRequest* request,
                                                      v1::GetSessionResponse* response) {
-  return Answer(call, context_.pool, [=, this]() -> absl::Status {
-    const auto session = FindSession(context_, request->map(), request->id());
+  return Answer(call, context_, *request, [=, this](const Call& of) -> absl::Status {
+    const auto session = FindSession(context_, of, Access::kFollow, request->map(), request->id());
     if (!session.ok()) return session.status();
     *response->mutable_session() = Described(context_, *session);
     return absl::OkStatus();
@@ -63,27 +65,29 @@ grpc::ServerUnaryReactor* SessionService::GetSession(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* SessionService::ListSessions(grpc::CallbackServerContext* call,
                                                        const v1::ListSessionsRequest* request,
                                                        v1::ListSessionsResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return List(*request, *response); });
+  return Answer(call, context_, *request, [=, this] { return List(*request, *response); });
 }
 
 grpc::ServerWriteReactor<v1::WatchSessionResponse>* SessionService::WatchSession(
-    grpc::CallbackServerContext*, const v1::WatchSessionRequest* request) {
-  return NewWatch(context_, request->map(), request->id());
+    grpc::CallbackServerContext* call, const v1::WatchSessionRequest* request) {
+  return Admitted<grpc::ServerWriteReactor<v1::WatchSessionResponse>>(
+      context_.gate, *call, *request, [this](Call of) { return NewWatch(context_, std::move(of)); });
 }
 
 grpc::ServerUnaryReactor* SessionService::RetrySession(grpc::CallbackServerContext* call,
                                                        const v1::RetrySessionRequest* request,
                                                        v1::RetrySessionResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return Retry(*request, *response); });
+  return Answer(call, context_, *request, [=, this](const Call& of) { return Retry(of, *request, *response); });
 }
 
 grpc::ServerUnaryReactor* SessionService::DeleteSession(grpc::CallbackServerContext* call,
                                                         const v1::DeleteSessionRequest* request,
                                                         v1::DeleteSessionResponse*) {
-  return Answer(call, context_.pool, [=, this]() -> absl::Status {
+  return Answer(call, context_, *request, [=, this]() -> absl::Status {
     const auto session = FindSession(context_, request->map(), request->id());
     if (!session.ok()) return session.status();
     if (absl::Status status = context_.sessions.Delete(request->map(), request->id()); !status.ok()) return status;
+    context_.quotas.Forget(request->map(), request->id());
     context_.feed.Changed({request->map(), request->id()});
     LogInfo("session deleted", {{"map", request->map()}, {"session", request->id()}});
     return absl::OkStatus();
@@ -93,13 +97,19 @@ grpc::ServerUnaryReactor* SessionService::DeleteSession(grpc::CallbackServerCont
 grpc::ServerUnaryReactor* SessionService::ListScanPoses(grpc::CallbackServerContext* call,
                                                         const v1::ListScanPosesRequest* request,
                                                         v1::ListScanPosesResponse* response) {
-  return Answer(call, context_.pool, [=, this] { return ListPoses(*request, *response); });
+  return Answer(call, context_, *request, [=, this](const Call& of) { return ListPoses(of, *request, *response); });
 }
 
-absl::Status SessionService::Begin(const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response) {
+absl::Status SessionService::Begin(const Call& call, const v1::BeginSessionRequest& request,
+                                   v1::BeginSessionResponse& response) {
   if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
   if (absl::Status status = CheckName("session id", request.id()); !status.ok()) return status;
   if (absl::Status status = CheckOptionalName("robot", request.robot()); !status.ok()) return status;
+  // A robot's sessions are those of its token's name, which it need not say.
+  const Caller& caller = call.caller;
+  const bool names_itself = request.robot().empty() && caller.Has(Role::kRobot);
+  const std::string robot = names_itself ? caller.name : request.robot();
+  if (absl::Status status = AllowSession(caller, Access::kUpload, robot); !status.ok()) return status;
   if (request.scan_crc32c().empty()) {
     return absl::InvalidArgumentError("scan_crc32c: expected one checksum a scan, at least one");
   }
@@ -107,12 +117,23 @@ absl::Status SessionService::Begin(const v1::BeginSessionRequest& request, v1::B
   if (absl::Status status = context_.maps.Find(request.map()).status(); !status.ok()) return status;
   SessionRecord record{.map = request.map(),
                        .id = request.id(),
-                       .robot = request.robot(),
+                       .robot = robot,
                        .keep_scans = request.keep_scans() || context_.config.history.keep_scans,
                        .created = SystemSeconds()};
   record.scan_crc32c.assign(request.scan_crc32c().begin(), request.scan_crc32c().end());
+  if (absl::Status status = context_.quotas.Begin(record.map, record.id, record.robot); !status.ok()) {
+    // One that is there already needs no room.
+    if (!context_.sessions.Find(record.map, record.id).ok()) return status;
+  }
   const auto session = context_.sessions.Begin(record);
-  if (!session.ok()) return session.status();
+  if (!session.ok()) {
+    const auto other = context_.sessions.Find(record.map, record.id);
+    other.ok() ? context_.quotas.Note(*other) : context_.quotas.Forget(record.map, record.id);
+    return session.status();
+  }
+  context_.quotas.Note(*session);
+  // The same id and content may have been begun by another robot.
+  if (absl::Status status = AllowSession(caller, Access::kUpload, session->robot); !status.ok()) return status;
   LogInfo("session begun", {{"map", session->map},
                             {"session", session->id},
                             {"robot", session->robot},
@@ -122,10 +143,11 @@ absl::Status SessionService::Begin(const v1::BeginSessionRequest& request, v1::B
   return absl::OkStatus();
 }
 
-absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response) {
+absl::Status SessionService::Commit(const Call& call, const v1::CommitSessionRequest& request,
+                                    v1::CommitSessionResponse& response) {
   // Each failed try means that somebody else moved the session on meanwhile.
   for (int tries = 0; tries < kCommitTries; ++tries) {
-    auto session = FindSession(context_, request.map(), request.id());
+    auto session = FindSession(context_, call, Access::kUpload, request.map(), request.id());
     if (!session.ok()) return session.status();
     if (session->state == SessionState::kUploading) {
       if (session->durable_scans != session->scan_crc32c.size()) {
@@ -134,6 +156,7 @@ absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1:
       }
       const auto first = context_.sessions.ReadScan(session->map, session->id, 0);
       if (!first.ok()) return first.status();
+      if (absl::Status status = context_.quotas.Queue(*session); !status.ok()) return status;
       session->start_time = CountsFrom1970(first->scan.time) ? first->scan.time : session->created;
       session->state = SessionState::kQueued;
       const absl::Status queued = context_.sessions.Update(*session, SessionState::kUploading);
@@ -149,8 +172,9 @@ absl::Status SessionService::Commit(const v1::CommitSessionRequest& request, v1:
   return absl::AbortedError(absl::StrCat("session ", request.id(), " keeps changing; try again"));
 }
 
-absl::Status SessionService::Retry(const v1::RetrySessionRequest& request, v1::RetrySessionResponse& response) {
-  auto session = FindSession(context_, request.map(), request.id());
+absl::Status SessionService::Retry(const Call& call, const v1::RetrySessionRequest& request,
+                                   v1::RetrySessionResponse& response) {
+  auto session = FindSession(context_, call, Access::kUpload, request.map(), request.id());
   if (!session.ok()) return session.status();
   const SessionState before = session->state;
   if (before != SessionState::kRefused && before != SessionState::kFailed) {
@@ -168,10 +192,14 @@ absl::Status SessionService::Retry(const v1::RetrySessionRequest& request, v1::R
     }
     session->initial_pose = pose;
   }
+  if (absl::Status status = context_.quotas.Queue(*session); !status.ok()) return status;
   session->state = SessionState::kQueued;
   session->reason.clear();
   session->ended = 0;
-  if (absl::Status status = context_.sessions.Update(*session, before); !status.ok()) return status;
+  if (absl::Status status = context_.sessions.Update(*session, before); !status.ok()) {
+    context_.quotas.Forget(session->map, session->id);
+    return status;
+  }
   LogInfo("session queued again", {{"map", session->map}, {"session", session->id}});
   context_.feed.Changed({session->map, session->id});
   context_.pipeline.Push(*session);
@@ -191,8 +219,9 @@ absl::Status SessionService::List(const v1::ListSessionsRequest& request, v1::Li
   return absl::OkStatus();
 }
 
-absl::Status SessionService::ListPoses(const v1::ListScanPosesRequest& request, v1::ListScanPosesResponse& response) {
-  const auto session = FindSession(context_, request.map(), request.id());
+absl::Status SessionService::ListPoses(const Call& call, const v1::ListScanPosesRequest& request,
+                                       v1::ListScanPosesResponse& response) {
+  const auto session = FindSession(context_, call, Access::kFollow, request.map(), request.id());
   if (!session.ok()) return session.status();
   if (session->state != SessionState::kCommitted) {
     return absl::FailedPreconditionError(absl::StrCat("session ", session->id, " is not committed"));

@@ -31,11 +31,12 @@ class SessionService final : public v1::SessionService::CallbackService {
                                           v1::ListScanPosesResponse* response) override;
 
  private:
-  absl::Status Begin(const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response);
-  absl::Status Commit(const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response);
-  absl::Status Retry(const v1::RetrySessionRequest& request, v1::RetrySessionResponse& response);
+  absl::Status Begin(const Call& call, const v1::BeginSessionRequest& request, v1::BeginSessionResponse& response);
+  absl::Status Commit(const Call& call, const v1::CommitSessionRequest& request, v1::CommitSessionResponse& response);
+  absl::Status Retry(const Call& call, const v1::RetrySessionRequest& request, v1::RetrySessionResponse& response);
   absl::Status List(const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response);
-  absl::Status ListPoses(const v1::ListScanPosesRequest& request, v1::ListScanPosesResponse& response);
+  absl::Status ListPoses(const Call& call, const v1::ListScanPosesRequest& request,
+                         v1::ListScanPosesResponse& response);
 
   const ServiceContext context_;
   UploadSlots& uploads_;

@@ -15,4 +15,12 @@ absl::StatusOr<SessionRecord> FindSession(const ServiceContext& context, const s
   return session;
 }
 
+absl::StatusOr<SessionRecord> FindSession(const ServiceContext& context, const Call& call, Access access,
+                                          const std::string& map, const std::string& id) {
+  absl::StatusOr<SessionRecord> session = FindSession(context, map, id);
+  if (!session.ok()) return session;
+  if (absl::Status status = AllowSession(call.caller, access, session->robot); !status.ok()) return status;
+  return session;
+}
+
 }  // namespace mapkeep

@@ -124,8 +124,9 @@ class TileStream final : public Reactor {
 
 }  // namespace
 
-Reactor* TileService::StreamTiles(grpc::CallbackServerContext*, const v1::StreamTilesRequest* request) {
-  return new TileStream(context_, *request);
+Reactor* TileService::StreamTiles(grpc::CallbackServerContext* call, const v1::StreamTilesRequest* request) {
+  return Admitted<Reactor>(context_.gate, *call, *request,
+                           [&](const Call&) { return new TileStream(context_, *request); });
 }
 
 }  // namespace mapkeep

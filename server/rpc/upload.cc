@@ -26,14 +26,17 @@ using Reactor = grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansR
 // (on the pool) and acknowledged -> no more reading, for the client's end or an error -> the last batch -> Finish.
 class Upload final : public Reactor {
  public:
-  Upload(const ServiceContext& context, UploadSlots& slots)
+  Upload(const ServiceContext& context, grpc::CallbackServerContext& stream, Call call, UploadSlots& slots)
       : context_(context),
+        stream_(stream),
+        call_(std::move(call)),
         slots_(slots),
         pending_limit_(static_cast<size_t>(context.config.limits.upload_pending_mib) << 20) {}
 
   // Lives until the call is done and nothing on the pool still means it.
-  static Upload* Begin(const ServiceContext& context, UploadSlots& slots) {
-    auto upload = std::make_shared<Upload>(context, slots);
+  static Upload* Begin(const ServiceContext& context, grpc::CallbackServerContext& stream, Call call,
+                       UploadSlots& slots) {
+    auto upload = std::make_shared<Upload>(context, stream, std::move(call), slots);
     upload->self_ = upload;
     upload->StartRead(&upload->request_);
     return upload.get();
@@ -87,6 +90,7 @@ class Upload final : public Reactor {
   }
 
   absl::Status Open() {
+    if (absl::Status status = Gate::Enter(call_, request_); !status.ok()) return status;
     session_ = {request_.open().map(), request_.open().id()};
     if (!slots_.Take(session_, [this] { Stop(); })) {
       return absl::AbortedError(
@@ -114,6 +118,7 @@ class Upload final : public Reactor {
     if (assembly_.complete()) {
       pending_.push_back(assembly_.Take());
       pending_bytes_ += pending_.back().bytes.size();
+      context_.metrics.Pending(static_cast<double>(pending_.back().bytes.size()));
       ++next_index_;
     }
     return absl::OkStatus();
@@ -121,7 +126,8 @@ class Upload final : public Reactor {
 
   // On the pool: finds the session and what its scans must fit into.
   void OpenSession() {
-    absl::StatusOr<SessionRecord> session = FindSession(context_, session_.first, session_.second);
+    absl::StatusOr<SessionRecord> session =
+        FindSession(context_, call_, Access::kUpload, session_.first, session_.second);
     absl::Status status = session.status();
     if (status.ok() && session->state != SessionState::kUploading) {
       status = absl::FailedPreconditionError(absl::StrCat("session ", session->id, " has all its scans"));
@@ -171,13 +177,21 @@ class Upload final : public Reactor {
       }
       staged.push_back(*std::move(scan));
     }
-    absl::Status status;
-    if (!staged.empty()) status = context_.sessions.AppendScans(session_.first, session_.second, first, staged);
-    if (status.ok() && !staged.empty()) context_.feed.Changed(session_);
+    size_t bytes = 0;
+    for (size_t i = 0; i < staged.size(); ++i) bytes += batch[i].bytes.size();
+    absl::Status status = context_.quotas.Append(session_.first, session_.second, bytes);
+    if (status.ok() && !staged.empty()) {
+      status = context_.sessions.AppendScans(session_.first, session_.second, first, staged);
+      if (!status.ok()) Recount();
+    }
+    if (status.ok() && !staged.empty()) {
+      context_.metrics.Staged(staged.size(), bytes);
+      context_.feed.Changed(session_);
+    }
 
     const std::lock_guard lock(mutex_);
     busy_ = false;
-    staging_bytes_ = 0;
+    context_.metrics.Pending(-static_cast<double>(std::exchange(staging_bytes_, 0)));
     if (status.ok() && !staged.empty()) {
       record_.durable_scans = first + static_cast<uint32_t>(staged.size());
       acknowledge_ = true;
@@ -187,12 +201,18 @@ class Upload final : public Reactor {
     if (!status.ok()) {
       // What came behind cannot be staged, so this is the error, whatever else was wrong there.
       pending_.clear();
-      pending_bytes_ = 0;
+      context_.metrics.Pending(-static_cast<double>(std::exchange(pending_bytes_, 0)));
       wrong_index_ = elsewhere;
       failure_.reset();
       Fail(status);
     }
     Proceed();
+  }
+
+  // What was counted as staged is not.
+  void Recount() {
+    const auto session = context_.sessions.Find(session_.first, session_.second);
+    if (session.ok()) context_.quotas.Note(*session);
   }
 
   // The daemon ends. Called under the slots' mutex, so it goes to the pool.
@@ -231,7 +251,7 @@ class Upload final : public Reactor {
       finished_ = true;
       // Before the client hears of the end: it may come again at once.
       if (taken_) slots_.Free(session_);
-      Finish(ToGrpc(failure_.value_or(absl::OkStatus()), Details()));
+      FinishCall(stream_, *this, failure_.value_or(absl::OkStatus()), Details());
       return;
     }
     // One scan may pass the bound: without its end there is nothing to stage.
@@ -250,6 +270,8 @@ class Upload final : public Reactor {
   }
 
   const ServiceContext context_;
+  grpc::CallbackServerContext& stream_;
+  Call call_;
   UploadSlots& slots_;
   std::shared_ptr<Upload> self_;
   const size_t pending_limit_;
@@ -276,6 +298,8 @@ class Upload final : public Reactor {
 
 }  // namespace
 
-Reactor* NewUpload(const ServiceContext& context, UploadSlots& slots) { return Upload::Begin(context, slots); }
+Reactor* NewUpload(const ServiceContext& context, grpc::CallbackServerContext& stream, Call call, UploadSlots& slots) {
+  return Upload::Begin(context, stream, std::move(call), slots);
+}
 
 }  // namespace mapkeep

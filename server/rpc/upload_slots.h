@@ -29,6 +29,11 @@ class UploadSlots {
     taken_.erase(session);
   }
 
+  size_t size() const {
+    const std::lock_guard lock(mutex_);
+    return taken_.size();
+  }
+
   /// The daemon ends: stops every upload, also those that come later.
   void Close() {
     const std::lock_guard lock(mutex_);
@@ -37,7 +42,7 @@ class UploadSlots {
   }
 
  private:
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   bool closed_ = false;
   std::map<Key, std::function<void()>> taken_;
 };

@@ -19,11 +19,12 @@ using Reactor = grpc::ServerWriteReactor<v1::WatchSessionResponse>;
 
 class Watch final : public Reactor {
  public:
-  Watch(const ServiceContext& context, SessionFeed::Key session) : context_(context), session_(std::move(session)) {}
+  Watch(const ServiceContext& context, Call call)
+      : context_(context), call_(std::move(call)), session_(call_.map, call_.session) {}
 
   // Lives until the call is done and the pool no longer means it.
-  static Watch* Begin(const ServiceContext& context, SessionFeed::Key session) {
-    auto watch = std::make_shared<Watch>(context, std::move(session));
+  static Watch* Begin(const ServiceContext& context, Call call) {
+    auto watch = std::make_shared<Watch>(context, std::move(call));
     watch->self_ = watch;
     watch->watcher_ = context.feed.Watch(watch->session_, [of = watch.get()] { of->Changed(); });
     const auto end = std::chrono::system_clock::now() + std::chrono::seconds(context.config.limits.watch_seconds);
@@ -70,7 +71,7 @@ class Watch final : public Reactor {
 
   // On the pool.
   void Look() {
-    const auto session = FindSession(context_, session_.first, session_.second);
+    const auto session = FindSession(context_, call_, Access::kFollow, session_.first, session_.second);
     const bool closed = context_.feed.closed();
     const auto progress = context_.feed.Progress(session_);
     const std::lock_guard lock(mutex_);
@@ -104,6 +105,7 @@ class Watch final : public Reactor {
   }
 
   const ServiceContext context_;
+  const Call call_;
   const SessionFeed::Key session_;
   std::shared_ptr<Watch> self_;
   SessionFeed::Watcher watcher_ = 0;
@@ -117,8 +119,6 @@ class Watch final : public Reactor {
 
 }  // namespace
 
-Reactor* NewWatch(const ServiceContext& context, std::string map, std::string id) {
-  return Watch::Begin(context, {std::move(map), std::move(id)});
-}
+Reactor* NewWatch(const ServiceContext& context, Call call) { return Watch::Begin(context, std::move(call)); }
 
 }  // namespace mapkeep

@@ -2,8 +2,6 @@
 
 #include <grpcpp/support/server_callback.h>
 
-#include <string>
-
 #include "mapkeep/v1/session_service.pb.h"
 #include "server/rpc/context.h"
 
@@ -11,7 +9,6 @@ namespace mapkeep {
 
 /// One WatchSession call: the session now and after each change (changes that come while a message is on its way are
 /// one), until it has ended, the daemon ends (UNAVAILABLE) or limits.watch_seconds are over. Deletes itself.
-grpc::ServerWriteReactor<v1::WatchSessionResponse>* NewWatch(const ServiceContext& context, std::string map,
-                                                             std::string id);
+grpc::ServerWriteReactor<v1::WatchSessionResponse>* NewWatch(const ServiceContext& context, Call call);
 
 }  // namespace mapkeep

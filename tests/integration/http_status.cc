@@ -4,10 +4,16 @@
 
 namespace mapkeep {
 
-int HttpStatus(const std::string& address, const std::string& path) {
-  httplib::Client client("http://" + address);
-  const auto result = client.Get(path.c_str());
-  return result ? result->status : -1;
+HttpAnswer HttpGet(const std::string& address, const std::string& path, const std::string& token,
+                   const std::string& authority) {
+  httplib::Client client((authority.empty() ? "http://" : "https://") + address);
+  if (!authority.empty()) client.set_ca_cert_path(authority.c_str());
+  httplib::Headers headers;
+  if (!token.empty()) headers.emplace("Authorization", "Bearer " + token);
+  const auto result = client.Get(path.c_str(), headers);
+  return result ? HttpAnswer{result->status, result->body} : HttpAnswer{};
 }
+
+int HttpStatus(const std::string& address, const std::string& path) { return HttpGet(address, path).status; }
 
 }  // namespace mapkeep

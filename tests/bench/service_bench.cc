@@ -1,0 +1,233 @@
+// What a daemon bears: robots that only stay connected, scans made durable, tiles read meanwhile. Starts a mapkeepd of
+// its own on a temporary directory (TMPDIR says where) and prints one line a figure.
+
+#include <grpcpp/grpcpp.h>
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/integration/any_call.h"
+#include "tests/integration/daemon_process.h"
+#include "tests/integration/http_status.h"
+#include "tests/integration/robot.h"
+
+namespace mapkeep {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kMegabyte = 1e6;
+constexpr int kPoints = 120'000;
+constexpr size_t kChunk = size_t{1} << 20;
+
+struct Options {
+  int idle = 2000;
+  int megabytes = 2000;
+  int robots = 2;
+  std::vector<std::string> flags;
+};
+
+double SecondsSince(Clock::time_point began) { return std::chrono::duration<double>(Clock::now() - began).count(); }
+
+double ResidentBytes(const DaemonProcess& daemon) {
+  const std::string text = HttpGet(daemon.admin(), "/metrics").body;
+  const std::string name = "\nmapkeep_process_resident_bytes ";
+  const size_t at = text.find(name);
+  return at == std::string::npos ? 0 : std::strtod(text.c_str() + at + name.size(), nullptr);
+}
+
+void Check(const grpc::Status& status, const char* what) {
+  if (status.ok()) return;
+  std::fprintf(stderr, "%s: %d %s\n", what, status.error_code(), status.error_message().c_str());
+  std::exit(1);
+}
+
+// Each with a connection of its own and a stream that waits for news of a session.
+void MeasureIdle(const DaemonProcess& daemon, int robots) {
+  Robot robot(daemon.listen());
+  Check(robot.CreateMap("idle"), "CreateMap");
+  const WireScan scan = Wire(0, DriveAlong(Street(), 1, 1.7e9).scans[0], Pose::Identity());
+  Check(robot.Begin("idle", "waiting", {scan}), "BeginSession");
+  const double before = ResidentBytes(daemon);
+  v1::WatchSessionRequest request;
+  request.set_map("idle");
+  request.set_id("waiting");
+  std::vector<std::unique_ptr<v1::SessionService::Stub>> stubs;
+  std::vector<std::unique_ptr<grpc::ClientContext>> calls;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::WatchSessionResponse>>> watches;
+  for (int i = 0; i < robots; ++i) {
+    stubs.push_back(v1::SessionService::NewStub(ChannelTo(daemon.listen())));
+    calls.push_back(std::make_unique<grpc::ClientContext>());
+    watches.push_back(stubs.back()->WatchSession(calls.back().get(), request));
+    v1::WatchSessionResponse now;
+    if (!watches.back()->Read(&now)) Check(watches.back()->Finish(), "WatchSession");
+  }
+  const double mebibytes = (ResidentBytes(daemon) - before) / (1 << 20);
+  std::printf("idle: %d robots, each connected and watching: %.0f MiB more, %.1f KiB a robot\n", robots, mebibytes,
+              mebibytes * 1024 / robots);
+  for (auto& call : calls) call->TryCancel();
+  for (auto& watch : watches) watch->Finish();
+}
+
+// A scan like a lidar's: smooth ranges with noise in the low bits, so that it compresses as real ones do.
+WireScan LidarScan(uint32_t index) {
+  Scan scan;
+  scan.points.reserve(kPoints);
+  uint32_t noise = index + 1;
+  for (int i = 0; i < kPoints; ++i) {
+    noise = noise * 1664525 + 1013904223;
+    const double azimuth = i % 1875 * 0.00335, elevation = (i / 1875 - 32) * 0.007;
+    const double range = 12 + 8 * std::sin(3 * azimuth) + static_cast<double>(noise >> 16) * 5e-7;
+    scan.points.emplace_back(static_cast<float>(range * std::cos(azimuth)),
+                             static_cast<float>(range * std::sin(azimuth)), static_cast<float>(range * elevation));
+    scan.intensities.push_back(static_cast<float>(noise >> 24) / 255.0F);
+  }
+  scan.time = 1.7e9 + index * 0.1;
+  return Wire(index, scan, Pose::Identity());
+}
+
+// Sends the same few scans over and over as one session, and waits until all are durable.
+void Upload(const std::string& address, const std::string& id, const std::vector<WireScan>& kinds, int count) {
+  Robot robot(address);
+  v1::BeginSessionRequest begin;
+  begin.set_map("site");
+  begin.set_id(id);
+  std::vector<WireScan> headers;
+  for (int i = 0; i < count; ++i) {
+    // A header of its own, with the checksum that its time and place give.
+    WireScan scan = kinds[i % kinds.size()];
+    begin.add_scan_crc32c(scan.header.crc32c());
+  }
+  v1::BeginSessionResponse begun;
+  Check(robot.sessions().BeginSession(Robot::Call().get(), begin, &begun), "BeginSession");
+  const auto call = Robot::Call();
+  call->set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(10));
+  const auto upload = robot.Open(*call, "site", id);
+  std::thread answers([&] {
+    v1::UploadScansResponse answer;
+    while (upload->Read(&answer)) continue;
+  });
+  for (int i = 0; i < count; ++i) {
+    const WireScan& scan = kinds[i % kinds.size()];
+    v1::UploadScansRequest message;
+    *message.mutable_scan() = scan.header;
+    message.mutable_scan()->set_index(static_cast<uint32_t>(i));
+    bool alive = upload->Write(message);
+    for (size_t at = 0; alive && at < scan.bytes.size(); at += kChunk) {
+      message.set_chunk(scan.bytes.data() + at, std::min(kChunk, scan.bytes.size() - at));
+      alive = upload->Write(message);
+    }
+    if (!alive) break;
+  }
+  upload->WritesDone();
+  answers.join();
+  Check(upload->Finish(), "UploadScans");
+}
+
+// Seconds of each read of one tile until `done`.
+std::vector<double> ReadTiles(const std::string& address, const std::atomic<bool>& done) {
+  Robot robot(address);
+  v1::StreamTilesRequest request;
+  request.set_map("tiles");
+  request.mutable_box()->mutable_min()->set_x(0);
+  request.mutable_box()->mutable_min()->set_y(-6);
+  request.mutable_box()->mutable_min()->set_z(-5);
+  request.mutable_box()->mutable_max()->set_x(12);
+  request.mutable_box()->mutable_max()->set_y(6);
+  request.mutable_box()->mutable_max()->set_z(5);
+  std::vector<double> seconds;
+  while (!done) {
+    const auto began = Clock::now();
+    const auto call = Robot::Call();
+    const auto stream = robot.tiles().StreamTiles(call.get(), request);
+    v1::StreamTilesResponse response;
+    while (stream->Read(&response)) continue;
+    Check(stream->Finish(), "StreamTiles");
+    seconds.push_back(SecondsSince(began));
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return seconds;
+}
+
+// The same bytes by dd, a scan a write, each durable before the next. MB/s.
+double DdRate(const std::string& directory, int scans) {
+  const std::string file = directory + "/dd";
+  const std::string command = "dd if=/dev/zero of=" + file + " bs=" + std::to_string(16 * kPoints) +
+                              " count=" + std::to_string(scans) + " oflag=dsync 2>/dev/null";
+  const auto began = Clock::now();
+  if (std::system(command.c_str()) != 0) return 0;
+  const double seconds = SecondsSince(began);
+  std::remove(file.c_str());
+  return 16.0 * kPoints * scans / kMegabyte / seconds;
+}
+
+void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
+  Robot robot(daemon.listen());
+  Check(robot.CreateMap("site"), "CreateMap");
+  Check(robot.CreateMap("tiles"), "CreateMap");
+  Check(robot.UploadDrive("tiles", "s", DriveAlong(Street(), 12, 1.7e9)), "UploadDrive");
+  robot.Watch("tiles", "s");
+  std::vector<WireScan> kinds;
+  for (uint32_t i = 0; i < 8; ++i) kinds.push_back(LidarScan(i));
+  const int scans = static_cast<int>(options.megabytes * kMegabyte / (16.0 * kPoints) / options.robots);
+  const TemporaryDirectory beside;
+  const double dd_before = DdRate(beside.path(), scans * options.robots);
+
+  std::atomic<bool> done = false;
+  std::vector<double> reads;
+  std::thread reader([&] { reads = ReadTiles(daemon.listen(), done); });
+  const auto began = Clock::now();
+  std::vector<std::thread> robots;
+  for (int i = 0; i < options.robots; ++i) {
+    robots.emplace_back([&, i] { Upload(daemon.listen(), "u" + std::to_string(i), kinds, scans); });
+  }
+  for (std::thread& one : robots) one.join();
+  const double seconds = SecondsSince(began);
+  done = true;
+  reader.join();
+  const double dd_after = DdRate(beside.path(), scans * options.robots);
+
+  const double rate = 16.0 * kPoints * scans * options.robots / kMegabyte / seconds, dd = (dd_before + dd_after) / 2;
+  std::printf(
+      "upload: %d robots, %.0f MB of raw scans in %.1f s: %.0f MB/s durable; dd oflag=dsync before %.0f, after %.0f "
+      "MB/s: %.0f %%\n",
+      options.robots, rate * seconds, seconds, rate, dd_before, dd_after, 100 * rate / dd);
+  std::sort(reads.begin(), reads.end());
+  const auto at = [&](double share) {
+    return 1000 * reads[static_cast<size_t>(share * static_cast<double>(reads.size() - 1))];
+  };
+  std::printf("tiles meanwhile: %zu reads, median %.2f ms, p99 %.2f ms, longest %.2f ms\n", reads.size(), at(0.5),
+              at(0.99), at(1));
+  std::printf("memory afterwards: %.0f MiB\n", ResidentBytes(daemon) / (1 << 20));
+}
+
+}  // namespace
+}  // namespace mapkeep
+
+int main(int argc, char** argv) {
+  mapkeep::Options options;
+  CLI::App app("What a daemon bears: idle robots, uploads, tiles meanwhile.");
+  app.add_option("--idle", options.idle, "Robots that stay connected and watch; 0: not measured")
+      ->capture_default_str();
+  app.add_option("--megabytes", options.megabytes, "Raw scans to upload; 0: not measured")->capture_default_str();
+  app.add_option("--robots", options.robots, "That upload at a time")->capture_default_str();
+  app.add_option("--daemon-flag", options.flags, "Passed on to mapkeepd, a word each");
+  CLI11_PARSE(app, argc, argv);
+  rlimit files{};
+  getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &files);
+  const mapkeep::DaemonProcess daemon(options.flags);
+  if (options.idle > 0) mapkeep::MeasureIdle(daemon, options.idle);
+  if (options.megabytes > 0) mapkeep::MeasureUpload(daemon, options);
+  return 0;
+}
