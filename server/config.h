@@ -31,7 +31,7 @@ struct Limits {
   int keepalive_seconds = 20;   ///< of silence after which a gRPC peer is asked whether it is there
   int handshake_seconds = 20;   ///< in which a new gRPC connection must have said who it is
   int lease_seconds = 30;       ///< after which a job of a daemon that vanished may be taken over
-  int watch_seconds = 300;      ///< after which WatchSession ends itself
+  int watch_seconds = 300;      ///< after which WatchSession and WatchMap end themselves
   int drain_seconds = 0;        ///< between "not ready" and the end of service, for load balancers to notice
   int shutdown_seconds = 10;    ///< that open calls get to end
 };

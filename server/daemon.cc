@@ -18,6 +18,7 @@
 #include "server/auth/authority.h"
 #include "server/auth/certificates.h"
 #include "server/credential_watch.h"
+#include "server/epoch_feed.h"
 #include "server/housekeeping.h"
 #include "server/http/admin_server.h"
 #include "server/log.h"
@@ -83,6 +84,7 @@ struct Daemon::State {
   std::unique_ptr<SessionStore> sessions;
   std::unique_ptr<Leases> leases;
   SessionFeed feed;
+  std::unique_ptr<EpochFeed> epochs;
   std::shared_mutex map_lifetimes;
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<WorkPool> pool;
@@ -165,8 +167,9 @@ struct Daemon::State {
                                                    .holder = *holder,
                                                    .stages = config.stages});
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
+    epochs = std::make_unique<EpochFeed>(*maps);
     auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, *gate,
-                                                    call_metrics, *quotas, map_lifetimes});
+                                                    call_metrics, *quotas, map_lifetimes, *epochs});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
     std::function<absl::Status()> take_over;
@@ -279,6 +282,7 @@ void Daemon::Stop() {
   state_->rpc->Shutdown(std::chrono::seconds(state_->config.limits.shutdown_seconds));
   state_->metrics.ForgetSources();
   state_->rpc.reset();
+  state_->epochs.reset();
   state_->pool.reset();
   state_->pipeline.reset();
   LogInfo("stopped");

@@ -233,7 +233,7 @@ std::vector<Setting> MakeSettings() {
       Integer("limits.lease_seconds", MAPKEEP_FIELD(limits.lease_seconds), 3, 3600,
               "Seconds after which the job of a daemon that vanished may be taken over by another"),
       Integer("limits.watch_seconds", MAPKEEP_FIELD(limits.watch_seconds), 1, 86400,
-              "Seconds after which WatchSession ends itself; the client watches again"),
+              "Seconds after which WatchSession and WatchMap end themselves; the client watches again"),
       Integer("limits.drain_seconds", MAPKEEP_FIELD(limits.drain_seconds), 0, 3600,
               "Seconds between /readyz failing and the end of service; a few behind a load balancer"),
       Integer("limits.shutdown_seconds", MAPKEEP_FIELD(limits.shutdown_seconds), 0, 3600,

@@ -66,6 +66,29 @@ absl::StatusOr<HistoryDifference> CompareHistories(const Engine& engine, uint64_
   return difference;
 }
 
+absl::StatusOr<MapHead> MapStore::Head(std::string_view map) const {
+  const absl::StatusOr<MapRecord> record = Find(map);
+  if (!record.ok()) return record.status();
+  const auto head = ReadRow(state_->engine, HeadPartition(record->incarnation), kHeadRow, DecodeEpoch);
+  if (!head.ok()) return head.status();
+  if (!*head) return absl::NotFoundError(Text("map ", map, " is being deleted"));
+  return MapHead{record->incarnation, (*head)->value.epoch};
+}
+
+absl::StatusOr<std::vector<CommitRecord>> MapStore::CommitsAfter(std::string_view map, const MapHead& after,
+                                                                 size_t limit) const {
+  const absl::StatusOr<MapHead> head = Head(map);
+  if (!head.ok()) return head.status();
+  if (head->incarnation != after.incarnation) return absl::NotFoundError(Text("map ", map, " was made anew"));
+  std::vector<CommitRecord> commits;
+  for (uint64_t epoch = after.epoch + 1; epoch <= head->epoch && commits.size() < limit; ++epoch) {
+    absl::StatusOr<CommitRecord> commit = ReadCommit(state_->engine, after.incarnation, epoch);
+    if (!commit.ok()) return commit.status();
+    commits.push_back(*std::move(commit));
+  }
+  return commits;
+}
+
 absl::StatusOr<std::vector<MapVersion>> MapStore::Versions(std::string_view map, std::optional<uint64_t> newest,
                                                            size_t limit) const {
   const Engine& engine = state_->engine;

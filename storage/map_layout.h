@@ -6,6 +6,7 @@
 
 #include "core/voxels/voxel_index.h"
 #include "storage/text.h"
+#include "storage/write_id.h"
 
 namespace mapkeep {
 
@@ -35,13 +36,6 @@ namespace mapkeep {
 //   values "map/<incarnation>/tile/<tile>"  blocks and leaf of a tile
 //   values "map/<incarnation>/tree"         directories
 //     <kind><place><attempt><round>         see ValueName
-
-/// The commit attempt, and its round, that wrote a value. No two writes of a map have the same.
-struct WriteId {
-  uint64_t attempt = 0;
-  uint32_t round = 0;
-  auto operator<=>(const WriteId&) const = default;
-};
 
 /// What a value is: a block, or a node of the tree at a level (0: a leaf).
 enum class ValueKind : uint8_t { kLeaf = 0, kBlock = 0xff };

@@ -19,6 +19,7 @@
 #include "storage/cache_use.h"
 #include "storage/clock.h"
 #include "storage/engine.h"
+#include "storage/write_id.h"
 
 namespace mapkeep {
 
@@ -41,6 +42,13 @@ struct MapTotals {
 /// Axis-aligned range of blocks, both ends inclusive.
 struct BlockRange {
   VoxelIndex first, last;
+};
+
+/// A tile at one epoch, without its content.
+struct TileEntry {
+  TileKey key{};
+  WriteId version;  ///< of the value that names the tile's blocks: another one whenever one of them changed
+  MapTotals totals;
 };
 
 /// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
@@ -67,6 +75,13 @@ class Snapshot final {
   /// Tiles with at least one block whose column touches the range (everything: no range), in key order.
   absl::StatusOr<std::vector<TileKey>> Tiles(const std::optional<BlockRange>& range) const;
 
+  /// Tiles that hold static voxels and whose columns touch the range (everything: no range), in key order. A tile that
+  /// no commit changed has the same version at every epoch, also after a rollback; two contents never share one.
+  absl::StatusOr<std::vector<TileEntry>> TileEntries(const std::optional<BlockRange>& range) const;
+
+  /// The tile's entry, or nothing if it holds no static voxel.
+  absl::StatusOr<std::optional<TileEntry>> FindTile(TileKey tile) const;
+
   /// Keys of the blocks of a tile, in order.
   absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const;
 
@@ -76,6 +91,13 @@ class Snapshot final {
 
  private:
   std::unique_ptr<const State> state_;
+};
+
+/// Which map has a name, and how far it is.
+struct MapHead {
+  uint64_t incarnation = 0;
+  uint64_t epoch = 0;
+  bool operator==(const MapHead&) const = default;
 };
 
 /// What one commit did: the history of a map is the sequence of these.
@@ -191,6 +213,14 @@ class MapStore final {
   absl::StatusOr<MapVerification> Verify(std::string_view map,
                                          const std::function<absl::Status(const Block&)>& block = {},
                                          const Progress& progress = {}) const;
+
+  /// What the map's newest epoch is, cheaply: two rows, no pin. NOT_FOUND.
+  absl::StatusOr<MapHead> Head(std::string_view map) const;
+
+  /// Commits that made epochs (after, newest], oldest first, at most `limit`. NOT_FOUND, also if the map is no longer
+  /// the one with that incarnation.
+  absl::StatusOr<std::vector<CommitRecord>> CommitsAfter(std::string_view map, const MapHead& after,
+                                                         size_t limit) const;
 
   /// The record of a session's commit, if it is applied.
   absl::StatusOr<std::optional<CommitRecord>> FindCommit(std::string_view map, std::string_view session) const;

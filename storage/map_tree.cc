@@ -28,6 +28,22 @@ absl::Status VisitNode(const MapValues& values, const ValueName& name, const std
   return absl::OkStatus();
 }
 
+using TileVisitor = std::function<absl::Status(TileKey, const TreeChild&)>;
+
+absl::Status VisitTilesBelow(const MapValues& values, const ValueName& name, const std::optional<BlockRange>& range,
+                             const TileVisitor& tile) {
+  const absl::StatusOr<std::shared_ptr<const TreeNode>> node = values.ReadNode(name);
+  if (!node.ok()) return node.status();
+  for (const TreeChild& child : (*node)->children) {
+    if (range && !TouchesColumns(child.bounds, *range)) continue;
+    const ValueName below = NameOfChild((*node)->level, (*node)->prefix, child);
+    absl::Status status = (*node)->level == 1 ? tile(TileKey{static_cast<uint32_t>(below.place)}, child)
+                                              : VisitTilesBelow(values, below, range, tile);
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
 class Editor {
  public:
   Editor(const MapValues& values, const WriteId& id) : values_(values), id_(id) {}
@@ -183,6 +199,12 @@ absl::Status VisitLeaves(const MapValues& values, const TreeRoot& root, const st
                          const LeafVisitor& leaf) {
   if (!root || (range && !TouchesColumns(root->bounds, *range))) return absl::OkStatus();
   return VisitNode(values, NameOfRoot(*root), range, leaf);
+}
+
+absl::Status VisitTiles(const MapValues& values, const TreeRoot& root, const std::optional<BlockRange>& range,
+                        const TileVisitor& tile) {
+  if (!root || (range && !TouchesColumns(root->bounds, *range))) return absl::OkStatus();
+  return VisitTilesBelow(values, NameOfRoot(*root), range, tile);
 }
 
 absl::StatusOr<TreeEdit> EditTree(const MapValues& values, const TreeRoot& root, std::span<const TreeChange> changes,

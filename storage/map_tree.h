@@ -28,6 +28,11 @@ absl::StatusOr<std::shared_ptr<const TreeNode>> FindLeaf(const MapValues& values
 absl::Status VisitLeaves(const MapValues& values, const TreeRoot& root, const std::optional<BlockRange>& range,
                          const std::function<absl::Status(TileKey tile, const TreeNode& leaf)>& leaf);
 
+/// Calls `tile` in key order with the parent's entry of each leaf whose tile touches the range (no range: each). Reads
+/// no leaf.
+absl::Status VisitTiles(const MapValues& values, const TreeRoot& root, const std::optional<BlockRange>& range,
+                        const std::function<absl::Status(TileKey tile, const TreeChild& entry)>& tile);
+
 /// How two trees of one map differ.
 struct TreeDifference {
   std::vector<ValueName> only_before, only_after;  ///< nodes and blocks

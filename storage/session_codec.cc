@@ -84,6 +84,7 @@ std::string EncodeSession(const StoredSession& session) {
   row.set_lacks_map(record.lacks_map);
   row.set_retries(record.retries);
   row.set_staged_bytes(record.staged_bytes);
+  row.set_payload_bytes(record.payload_bytes);
   return EncodeRecord(row);
 }
 
@@ -119,6 +120,7 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   record.lacks_map = row->lacks_map();
   record.retries = row->retries();
   record.staged_bytes = row->staged_bytes();
+  record.payload_bytes = row->payload_bytes();
   return session;
 }
 

@@ -200,6 +200,7 @@ absl::StatusOr<SessionRecord> BeginAgain(Engine& engine, std::string_view map, s
         next.record.state = SessionState::kUploading;
         next.record.durable_scans = 0;
         next.record.staged_bytes = 0;
+        next.record.payload_bytes = 0;
         next.record.scans_deleted = false;
         next.record.ended = 0;
         next.record.reason.clear();
@@ -248,6 +249,7 @@ absl::StatusOr<SessionRecord> SessionStore::Begin(const SessionRecord& session) 
     stored.record.state = SessionState::kUploading;
     stored.record.durable_scans = 0;
     stored.record.staged_bytes = 0;
+    stored.record.payload_bytes = 0;
     stored.record.scans_deleted = false;
     const std::vector<Condition> conditions = {{SessionRowKey(session.id), std::nullopt}};
     const std::vector<Mutation> mutations = {{SessionRowKey(session.id), EncodeSession(stored)},
@@ -328,6 +330,7 @@ absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id
         Change change{now};
         change.next.record.durable_scans = first + static_cast<uint32_t>(scans.size());
         for (const StagedScan& scan : scans) change.next.record.staged_bytes += kPointBytes * scan.scan.points.size();
+        for (const StagedScan& scan : scans) change.next.record.payload_bytes += scan.payload_bytes;
         return change;
       });
   if (!absl::IsNotFound(changed.status())) return changed.status();

@@ -47,6 +47,7 @@ struct SessionRecord {
   bool keep_scans = false;
   std::vector<uint32_t> scan_crc32c;  ///< of every scan: the session's content
   uint32_t durable_scans = 0;         ///< scans [0, durable_scans) are staged; not lowered when they are deleted
+  uint64_t payload_bytes = 0;         ///< of those scans, as they were sent
   bool scans_deleted = false;
   double created = 0, ended = 0, start_time = 0;  ///< seconds since 1970 (UTC)
   std::string reason;                             ///< why it was refused or failed
@@ -55,13 +56,15 @@ struct SessionRecord {
   std::optional<std::array<double, 4>> initial_pose;
   bool lacks_map = false;     ///< refused, and the map may just not reach there yet
   uint32_t retries = 0;       ///< times that the daemon has tried it again by itself
-  uint64_t staged_bytes = 0;  ///< of scans [0, durable_scans) as they came: 16 bytes a point
+  uint64_t staged_bytes = 0;  ///< of scans [0, durable_scans), decoded: 16 bytes a point
 };
 
-/// A scan as it waits for the pipeline: as uploaded, bit for bit.
+/// A scan as it waits for the pipeline, bit for bit: what was uploaded, or what its compressed points decoded to when
+/// they came. So a session's result does not depend on the decoder of the day that it is run or replayed on.
 struct StagedScan {
   Scan scan;
   Pose pose = Pose::Identity();  ///< T_odometry_sensor
+  uint64_t payload_bytes = 0;    ///< that its points took on the wire; counted when it is appended, not stored with it
 };
 
 /// Sessions and their staged scans on an engine. Thread-safe; changes of one session's record are compare-and-set, so
@@ -93,8 +96,7 @@ class SessionStore final {
   absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const;
 
   /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
-  /// itself is not taken from `session`: content, durable_scans, staged_bytes,
-  /// scans_deleted, created.
+  /// itself is not taken from `session`: content, durable_scans, payload_bytes, staged_bytes, scans_deleted, created.
   absl::Status Update(const SessionRecord& session, SessionState expected);
 
   /// Takes a session that was refused, failed or was rolled back back to state queued, without reason and report, and

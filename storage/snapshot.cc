@@ -110,6 +110,30 @@ absl::StatusOr<std::vector<TileKey>> Snapshot::Tiles(const std::optional<BlockRa
   return tiles;
 }
 
+absl::StatusOr<std::vector<TileEntry>> Snapshot::TileEntries(const std::optional<BlockRange>& range) const {
+  std::vector<TileEntry> tiles;
+  const absl::Status visited =
+      VisitTiles(state_->values, state_->at.root, range, [&tiles](TileKey tile, const TreeChild& entry) {
+        if (entry.totals.static_voxels > 0) tiles.push_back({tile, entry.written, entry.totals});
+        return absl::OkStatus();
+      });
+  if (!visited.ok()) return Explain(*state_, visited);
+  return tiles;
+}
+
+absl::StatusOr<std::optional<TileEntry>> Snapshot::FindTile(TileKey tile) const {
+  constexpr int32_t kTileSize = 1 << kTileBits;
+  const VoxelIndex index = TileIndexOf(tile);
+  const VoxelIndex first{kTileSize * index.x, kTileSize * index.y, 0};
+  const absl::StatusOr<std::vector<TileEntry>> found =
+      TileEntries(BlockRange{first, {first.x + kTileSize - 1, first.y + kTileSize - 1, 0}});
+  if (!found.ok()) return found.status();
+  for (const TileEntry& entry : *found) {
+    if (entry.key == tile) return entry;
+  }
+  return std::nullopt;
+}
+
 absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksOf(TileKey tile) const {
   const absl::StatusOr<std::shared_ptr<const TreeNode>> leaf = FindLeaf(state_->values, state_->at.root, tile);
   if (!leaf.ok()) return Explain(*state_, leaf.status());

@@ -72,6 +72,7 @@ nlohmann::json JsonOf(const SessionInfo& session) {
                          {"state", NameOf(session.state)},
                          {"scan_count", session.scan_count},
                          {"durable_scans", session.durable_scans},
+                         {"payload_bytes", session.payload_bytes},
                          {"keep_scans", session.keep_scans},
                          {"created", session.created},
                          {"ended", session.ended},

@@ -11,6 +11,7 @@ namespace {
 constexpr char kExamples[] = R"(Examples:
   mapkeep map create street
   mapkeep session upload street drive-0005 --wait
+  mapkeep tiles sync street tiles --follow
   mapkeep export street street.pcd
   mapkeep query street 12.5 -3.0 0.4
   mapkeep localize street drive-0005 --frames 0:9
@@ -31,6 +32,7 @@ int Run(int argc, char** argv) {
   AddMapCommands(line);
   AddAdminCommands(line);
   AddSessionCommands(line);
+  AddTileCommands(line);
   AddExportCommand(line);
   AddQueryCommand(line);
   AddLocalizeCommand(line);

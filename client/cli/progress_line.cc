@@ -24,10 +24,23 @@ void ProgressLine::Show(const std::string& stage, double fraction) {
   }
 }
 
+void ProgressLine::ShowText(const std::string& stage, const std::string& text) {
+  if (stage == stage_ && text == text_) return;
+  const bool begins = stage != stage_;
+  stage_ = stage;
+  text_ = text;
+  if (style_ == Style::kTerminal) {
+    std::cerr << absl::StrFormat("\r\033[K%s %s", stage, text) << std::flush;
+  } else if (style_ == Style::kLines && begins) {
+    std::cout << stage << std::endl;
+  }
+}
+
 void ProgressLine::Clear() {
   if (style_ == Style::kTerminal && !stage_.empty()) std::cerr << "\r\033[K" << std::flush;
   stage_.clear();
   percent_ = -1;
+  text_.clear();
 }
 
 }  // namespace mapkeep

@@ -16,6 +16,9 @@ class ProgressLine {
   /// The stage at work and its share done, [0, 1].
   void Show(const std::string& stage, double fraction);
 
+  /// The stage at work, and how far it is in words, for the terminal alone.
+  void ShowText(const std::string& stage, const std::string& text);
+
   /// Leaves the terminal's line empty, for what is printed next.
   void Clear();
 
@@ -24,6 +27,7 @@ class ProgressLine {
   Style style_;
   std::string stage_;
   int percent_ = -1;
+  std::string text_;
 };
 
 }  // namespace mapkeep

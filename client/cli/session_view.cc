@@ -74,6 +74,11 @@ void PrintSession(const GlobalOptions& options, const SessionInfo& session) {
   }
   fields.emplace_back("scans", absl::StrFormat("%d, of which %d arrived%s", session.scan_count, session.durable_scans,
                                                session.keep_scans ? ", kept" : ""));
+  if (session.durable_scans > 0) {
+    fields.emplace_back("bytes a scan",
+                        absl::StrFormat("%d, %.1f MB in all", session.payload_bytes / session.durable_scans,
+                                        1e-6 * static_cast<double>(session.payload_bytes)));
+  }
   fields.emplace_back("created", FormatTime(session.created));
   if (session.ended > 0) fields.emplace_back("ended", FormatTime(session.ended));
   if (session.report.has_value()) AppendReport(*session.report, &fields);

@@ -3,6 +3,7 @@
 #include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <absl/time/clock.h>
 
 #include <filesystem>
 #include <iostream>
@@ -21,6 +22,7 @@
 #include "client/cli/progress_line.h"
 #include "client/cli/session_input.h"
 #include "client/cli/session_view.h"
+#include "client/cli/upload_bar.h"
 #include "client/mapkeep/client.h"
 #include "client/mapkeep/scan_checksums.h"
 #include "core/checksum/crc32c.h"
@@ -35,6 +37,8 @@ struct UploadArguments {
   SessionInput input;
   std::string id;
   std::string robot;
+  std::string encoding = "raw";
+  double patience = ClientOptions().patience_seconds;
   bool keep_scans = false;
   bool wait = false;
   std::string initial_pose;  ///< empty: the poses as they are
@@ -65,13 +69,17 @@ Sent Send(const GlobalOptions& options, const Client& client, const UploadArgume
     BeginAt(*start, directory->poses);
   }
   const ScanSource scans = SourceOf(*directory);
-  const auto show = [&](const char* stage) {
-    return [&, stage](double fraction) {
-      line.Show(stage, fraction);
-      return !interruption.requested();
-    };
+  const std::optional<ScanEncoding> encoding = ScanEncodingNamed(arguments.encoding);
+  if (!encoding) {
+    return {{},
+            BadInput(absl::InvalidArgumentError(
+                absl::StrFormat("--encoding %s: expected raw, draco-1cm or draco-1mm", arguments.encoding)))};
+  }
+  const auto checking = [&](double fraction) {
+    line.Show("checking", fraction);
+    return !interruption.requested();
   };
-  const auto checksums = ScanChecksums(scans, directory->poses, show("checking"));
+  const auto checksums = ScanChecksums(scans, directory->poses, checking, *encoding);
   line.Clear();
   if (!checksums.ok()) return {{}, BadInput(checksums.status())};
 
@@ -82,8 +90,14 @@ Sent Send(const GlobalOptions& options, const Client& client, const UploadArgume
       .keep_scans = arguments.keep_scans,
       .scans = scans,
       .poses = directory->poses,
-      .checksums = *checksums};
-  absl::StatusOr<SessionInfo> session = client.UploadSession(upload, show("uploading"));
+      .checksums = *checksums,
+      .encoding = *encoding};
+  UploadBar bar;
+  const absl::Time began = absl::Now();
+  absl::StatusOr<SessionInfo> session = client.UploadSession(upload, [&](const UploadProgress& progress) {
+    line.ShowText("uploading", bar.Line(progress, absl::ToDoubleSeconds(absl::Now() - began)));
+    return !interruption.requested();
+  });
   line.Clear();
   if (absl::IsCancelled(session.status())) {
     PrintError("stopped; the same command goes on from there");
@@ -94,7 +108,9 @@ Sent Send(const GlobalOptions& options, const Client& client, const UploadArgume
 }
 
 ExitCode Upload(const GlobalOptions& options, const UploadArguments& arguments) {
-  const Client client = options.Connect();
+  ClientOptions patient = options.client;
+  patient.patience_seconds = arguments.patience;
+  const Client client(patient);
   const Sent sent = Send(options, client, arguments);
   if (sent.exit != ExitCode::kDone) return sent.exit;
   if (arguments.wait) return WatchToTheEnd(options, client, arguments.map, sent.session.id);
@@ -117,6 +133,16 @@ void AddUploadCommand(CommandLine& line, CLI::App& group) {
   command->add_option("--id", arguments->id, "Id of the session; by default the directory's name and a checksum")
       ->check(NameValidator());
   command->add_option("--robot", arguments->robot, "Who drove");
+  command
+      ->add_option("--encoding", arguments->encoding,
+                   "How points travel: raw, or draco-1cm or draco-1mm, rounded to that and a third or half as long")
+      ->check(CLI::IsMember({"raw", "draco-1cm", "draco-1mm"}))
+      ->capture_default_str();
+  command
+      ->add_option("--patience", arguments->patience,
+                   "Seconds without progress that the upload outlasts, once begun, while the server is away")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   command->add_flag("--keep-scans", arguments->keep_scans, "Keep the scans on the server after the commit");
   command
       ->add_option("--initial-pose", arguments->initial_pose,

@@ -15,7 +15,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr int kLargestMessage = 8 << 20;  // bytes, as the server's
+constexpr int kLargestMessage = 64 << 20;  // bytes; tiles of many voxels are long
 constexpr unsigned kSecondsBetweenLooks = 60;
 
 bool UsesTls(const ClientOptions& options) {

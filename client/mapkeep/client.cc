@@ -51,6 +51,8 @@ Client::~Client() = default;
 Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 
+const ClientOptions& Client::options() const { return connection_->options(); }
+
 absl::StatusOr<MapInfo> Client::CreateMap(const NewMap& map) const {
   v1::CreateMapResponse response;
   const absl::Status status = connection_->Call(connection_->maps(), &Maps::CreateMap, ToWire(map), &response);
@@ -98,7 +100,8 @@ absl::StatusOr<VoxelInfo> Client::QueryVoxel(std::string_view map, const Eigen::
   return FromWire(response);
 }
 
-absl::StatusOr<SessionInfo> Client::UploadSession(const SessionUpload& upload, const Progress& progress) const {
+absl::StatusOr<SessionInfo> Client::UploadSession(const SessionUpload& upload,
+                                                  const std::function<bool(const UploadProgress&)>& progress) const {
   return mapkeep::UploadSession(*connection_, upload, progress);
 }
 

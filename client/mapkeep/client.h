@@ -15,10 +15,12 @@
 
 #include "client/mapkeep/localize.h"
 #include "client/mapkeep/map_info.h"
+#include "client/mapkeep/map_tiles.h"
 #include "client/mapkeep/session_info.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/progress.h"
 #include "core/geometry/scan.h"
+#include "core/scan_payload/scan_payload.h"
 #include "core/voxels/block.h"
 
 namespace mapkeep {
@@ -26,7 +28,7 @@ namespace mapkeep {
 struct ClientOptions {
   std::string server = "127.0.0.1:7443";  ///< HOST:PORT
   double connect_seconds = 3;             ///< how long a call waits for a server that does not answer
-  double patience_seconds = 60;  ///< how long an upload or a watch, once begun, outlasts a break without progress
+  double patience_seconds = 180;  ///< how long an upload or a watch, once begun, outlasts a break without progress
 
   bool tls = false;               ///< TLS with the system's authorities; implied by the files below
   std::string tls_ca;             ///< PEM file: authorities that may have signed the server's certificate
@@ -42,7 +44,15 @@ struct SessionUpload {
   bool keep_scans = false;  ///< on the server, after the commit
   ScanSource scans;
   std::span<const Pose> poses;          ///< T_odometry_sensor of each scan
-  std::span<const uint32_t> checksums;  ///< of each scan, by ScanChecksums
+  std::span<const uint32_t> checksums;  ///< of each scan in that encoding, by ScanChecksums
+  ScanEncoding encoding = ScanEncoding::kRaw;
+};
+
+/// How far an upload is.
+struct UploadProgress {
+  uint32_t durable_scans = 0, scan_count = 0;
+  uint64_t durable_bytes = 0;  ///< of the durable scans, as they were sent
+  bool is_broken = false;      ///< the connection is lost, and another try is to come
 };
 
 /// Which blocks to stream.
@@ -63,6 +73,8 @@ class Client {
   ~Client();
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
+
+  const ClientOptions& options() const;
 
   absl::StatusOr<MapInfo> CreateMap(const NewMap& map) const;
   absl::StatusOr<MapInfo> GetMap(std::string_view name) const;
@@ -95,9 +107,11 @@ class Client {
   absl::StatusOr<ReplayInfo> ReplayMap(std::string_view map) const;
 
   /// Uploads what the server does not have yet and queues the session; gives the session as it is then, which may
-  /// already have ended if the same content came before. After a break it asks what is durable and goes on.
-  /// `progress` counts durable scans.
-  absl::StatusOr<SessionInfo> UploadSession(const SessionUpload& upload, const Progress& progress = {}) const;
+  /// already have ended if the same content came before. After a break it asks what is durable and goes on, with longer
+  /// and longer pauses while the server is away. CANCELLED when `progress`, which may be called from another thread,
+  /// says stop.
+  absl::StatusOr<SessionInfo> UploadSession(const SessionUpload& upload,
+                                            const std::function<bool(const UploadProgress&)>& progress = {}) const;
   absl::StatusOr<SessionInfo> GetSession(std::string_view map, std::string_view id) const;
   /// Ordered by time of creation.
   absl::StatusOr<std::vector<SessionInfo>> ListSessions(std::string_view map) const;
@@ -118,6 +132,22 @@ class Client {
   /// error that a callback returns.
   absl::Status StreamBlocks(const BlockQuery& query, const std::function<absl::Status(const MapSnapshot&)>& begin,
                             const std::function<absl::Status(const Block&)>& block) const;
+
+  /// Versions and sizes of tiles with static voxels, all of one epoch.
+  absl::StatusOr<TileList> ListTiles(const TileQuery& query) const;
+  /// Streams the tiles with these ids that the map has (no ids: those of the area); gives their epoch. Stops with the
+  /// error that `tile` returns.
+  absl::StatusOr<uint64_t> GetTiles(const TileQuery& query, const std::vector<TileId>& ids,
+                                    const std::function<absl::Status(const EncodedTile&)>& tile) const;
+  /// What brings the holder of some tiles to those of the query, all of one epoch: `begin` once, then `tile` for each
+  /// that is new or changed. Stops with the error that a callback returns.
+  absl::Status SyncTiles(const TileQuery& query, const std::vector<HeldTile>& held,
+                         const std::function<absl::Status(const TileChangesInfo&)>& begin,
+                         const std::function<absl::Status(const EncodedTile&)>& tile) const;
+  /// Calls `event` with the newest epoch (after a token: with every one since), then with each new one, until it
+  /// returns false; gives the token to go on from. Outlasts breaks as long as patience_seconds allow.
+  absl::StatusOr<std::string> WatchMap(std::string_view map, std::string resume_token,
+                                       const std::function<bool(const MapEvent&)>& event) const;
 
  private:
   std::unique_ptr<Connection> connection_;

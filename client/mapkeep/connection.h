@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/mapkeep/client.h"
+#include "client/mapkeep/patience.h"
 #include "mapkeep/v1/admin_service.grpc.pb.h"
 #include "mapkeep/v1/localization_service.grpc.pb.h"
 #include "mapkeep/v1/map_service.grpc.pb.h"
@@ -57,26 +58,6 @@ class Connection {
   std::unique_ptr<v1::SessionService::Stub> sessions_;
   std::unique_ptr<v1::TileService::Stub> tiles_;
   std::unique_ptr<v1::LocalizationService::Stub> localization_;
-};
-
-/// How long to go on trying: waits between attempts, longer each time, until `seconds` have passed without progress.
-class Patience {
- public:
-  explicit Patience(double seconds) : limit_(absl::Seconds(seconds)), last_progress_(absl::Now()) {}
-
-  /// Something was achieved: the time begins anew.
-  void Renew();
-
-  /// Waits for the next attempt; false if the time is up.
-  bool Wait();
-
- private:
-  static constexpr absl::Duration kShortest = absl::Milliseconds(100);
-  static constexpr absl::Duration kLongest = absl::Seconds(2);
-
-  absl::Duration limit_;
-  absl::Time last_progress_;
-  absl::Duration pause_ = kShortest;
 };
 
 }  // namespace mapkeep

@@ -21,15 +21,18 @@ absl::StatusOr<bool> WriteScan(grpc::ClientWriter<v1::LocalizeRequest>& stream, 
                                uint32_t index) {
   const absl::StatusOr<Scan> scan = question.scans.read(index);
   if (!scan.ok()) return scan.status();
-  const std::string bytes = PointBytesOf(*scan);
+  const absl::StatusOr<std::string> bytes = EncodePayload(*scan, question.encoding);
+  if (!bytes.ok()) return bytes.status();
   v1::LocalizeRequest header;
   header.mutable_scan()->set_index(index);
   header.mutable_scan()->set_point_count(static_cast<uint32_t>(scan->points.size()));
   header.mutable_scan()->set_time(scan->time);
-  header.mutable_scan()->set_crc32c(ScanChecksum(bytes, question.poses[index], scan->time));
+  header.mutable_scan()->set_crc32c(ScanChecksum(*bytes, question.poses[index], scan->time));
+  header.mutable_scan()->set_format(ToWire(FormatOf(question.encoding)));
+  header.mutable_scan()->set_payload_bytes(static_cast<uint32_t>(bytes->size()));
   ToWire(question.poses[index], header.mutable_scan()->mutable_pose());
   bool alive = stream.Write(header);
-  for (std::string_view left = bytes; alive && !left.empty(); left.remove_prefix(std::min(left.size(), kChunkBytes))) {
+  for (std::string_view left = *bytes; alive && !left.empty(); left.remove_prefix(std::min(left.size(), kChunkBytes))) {
     v1::LocalizeRequest chunk;
     const std::string_view part = left.substr(0, kChunkBytes);
     chunk.set_chunk(part.data(), part.size());

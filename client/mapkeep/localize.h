@@ -9,6 +9,7 @@
 #include "client/mapkeep/session_info.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/scan.h"
+#include "core/scan_payload/scan_payload.h"
 
 namespace mapkeep {
 
@@ -18,6 +19,7 @@ struct LocalizeQuestion {
   ScanSource scans;         ///< at most 64
   std::vector<Pose> poses;  ///< T_odometry_sensor, one a scan
   std::optional<KnownStart> start;
+  ScanEncoding encoding = ScanEncoding::kRaw;
 };
 
 /// Where the last scan was taken, or why that cannot be told.

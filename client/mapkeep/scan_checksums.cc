@@ -5,7 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <bit>
-#include <cstring>
 #include <mutex>
 #include <string_view>
 
@@ -15,27 +14,15 @@ namespace mapkeep {
 
 static_assert(std::endian::native == std::endian::little, "the wire carries little-endian numbers");
 
-std::string PointBytesOf(const Scan& scan) {
-  constexpr size_t kPointBytes = 4 * sizeof(float);
-  std::string bytes(scan.points.size() * kPointBytes, '\0');
-  for (size_t i = 0; i < scan.points.size(); ++i) {
-    const float intensity = scan.intensities.empty() ? 0.F : scan.intensities[i];
-    char* point = bytes.data() + i * kPointBytes;
-    std::memcpy(point, scan.points[i].data(), 3 * sizeof(float));
-    std::memcpy(point + 3 * sizeof(float), &intensity, sizeof(float));
-  }
-  return bytes;
-}
-
-uint32_t ScanChecksum(std::string_view point_bytes, const Pose& pose, double time) {
+uint32_t ScanChecksum(std::string_view payload, const Pose& pose, double time) {
   const PoseRows rows = RowsOf(pose);
-  uint32_t checksum = Crc32c(point_bytes);
+  uint32_t checksum = Crc32c(payload);
   checksum = Crc32c({reinterpret_cast<const char*>(rows.data()), sizeof(rows)}, checksum);
   return Crc32c({reinterpret_cast<const char*>(&time), sizeof(time)}, checksum);
 }
 
 absl::StatusOr<std::vector<uint32_t>> ScanChecksums(const ScanSource& scans, std::span<const Pose> poses,
-                                                    const Progress& progress) {
+                                                    const Progress& progress, ScanEncoding encoding) {
   if (poses.size() != scans.count) {
     return absl::InvalidArgumentError(absl::StrFormat("%d poses for %d scans", poses.size(), scans.count));
   }
@@ -52,11 +39,18 @@ absl::StatusOr<std::vector<uint32_t>> ScanChecksums(const ScanSource& scans, std
       if (stopped || i > first_bad) return;
     }
     const absl::StatusOr<Scan> scan = scans.read(i);
-    if (scan.ok()) checksums[i] = ScanChecksum(PointBytesOf(*scan), poses[i], scan->time);
+    absl::Status status = scan.status();
+    if (status.ok()) {
+      const absl::StatusOr<std::string> payload = EncodePayload(*scan, encoding);
+      if (payload.ok()) checksums[i] = ScanChecksum(*payload, poses[i], scan->time);
+      if (!payload.ok()) {
+        status = absl::Status(payload.status().code(), absl::StrFormat("scan %d: %s", i, payload.status().message()));
+      }
+    }
     const std::lock_guard lock(mutex);
-    if (!scan.ok() && i < first_bad) {
+    if (!status.ok() && i < first_bad) {
       first_bad = i;
-      error = scan.status();
+      error = status;
     }
     ++done;
     if (progress && !stopped && !progress(static_cast<double>(done) / static_cast<double>(scans.count))) {

@@ -56,6 +56,7 @@ struct SessionInfo {
   std::string stage;                              ///< at work while running
   double stage_progress = 0;                      ///< [0, 1]
   std::string reason;                             ///< why it was refused or failed
+  uint64_t payload_bytes = 0;                     ///< of the durable scans, as they were sent
   std::optional<Report> report;
 };
 

@@ -1,15 +1,19 @@
 #include "client/mapkeep/upload.h"
 
 #include <absl/status/status.h>
+#include <absl/strings/match.h>
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "client/mapkeep/scan_checksums.h"
 #include "client/mapkeep/wire.h"
@@ -24,7 +28,9 @@ using ScanStream = grpc::ClientReaderWriter<v1::UploadScansRequest, v1::UploadSc
 /// One upload on its way: what is kept from attempt to attempt.
 class Uploader {
  public:
-  Uploader(const Connection& connection, const SessionUpload& upload, const Progress& progress)
+  using ProgressCallback = std::function<bool(const UploadProgress&)>;
+
+  Uploader(const Connection& connection, const SessionUpload& upload, const ProgressCallback& progress)
       : connection_(connection),
         upload_(upload),
         progress_(progress),
@@ -35,16 +41,26 @@ class Uploader {
       absl::StatusOr<v1::Session> session = Attempt(&reached);
       if (session.ok()) return FromWire(*session);
       // The first call has waited for the server already, so what is not there at the start is reported at once.
-      if (!reached || !IsPassing(session.status()) || !patience_.Wait()) return session.status();
+      if (!reached || !IsPassing(session.status())) return session.status();
       broken_ = true;
+      {
+        const std::lock_guard lock(mutex_);
+        broken_now_ = true;
+      }
+      if (!Report(durable_)) return absl::CancelledError("stopped");
+      if (!patience_.Wait()) return session.status();
     }
   }
 
  private:
   /// Whether another attempt may fare better. ABORTED after a break: the server has not yet noticed that our last
-  /// stream is dead. OUT_OF_RANGE: it expects another scan, and will say which.
+  /// stream is dead. OUT_OF_RANGE: it expects another scan, and will say which. A proxy whose server went away resets
+  /// the stream, which gRPC takes for an internal error or a cancellation.
   bool IsPassing(const absl::Status& status) const {
-    return absl::IsUnavailable(status) || absl::IsOutOfRange(status) || (broken_ && absl::IsAborted(status));
+    const bool reset =
+        (absl::IsInternal(status) || absl::IsCancelled(status)) && absl::StrContains(status.message(), "RST_STREAM");
+    return absl::IsUnavailable(status) || absl::IsOutOfRange(status) || absl::IsDeadlineExceeded(status) || reset ||
+           (broken_ && absl::IsAborted(status));
   }
 
   /// From Begin to Commit; `reached` is set once the server has answered.
@@ -61,6 +77,11 @@ class Uploader {
     if (!status.ok()) return status;
     *reached = true;
     if (begun.session().state() != v1::SESSION_STATE_UPLOADING) return begun.session();
+    {
+      const std::lock_guard lock(mutex_);
+      broken_now_ = false;
+      bytes_until_[begun.session().durable_scans()] = begun.session().payload_bytes();
+    }
     if (!Report(begun.session().durable_scans())) return absl::CancelledError("stopped");
     if (durable_ < upload_.scans.count) {
       status = SendScans(begun.session().durable_scans());
@@ -102,7 +123,7 @@ class Uploader {
   }
 
   /// An error is one of the source; when the stream breaks, its own status says why.
-  absl::Status WriteScans(ScanStream& stream, uint32_t first) const {
+  absl::Status WriteScans(ScanStream& stream, uint32_t first) {
     v1::UploadScansRequest open;
     open.mutable_open()->set_map(upload_.map);
     open.mutable_open()->set_id(upload_.id);
@@ -110,8 +131,9 @@ class Uploader {
     for (uint32_t index = first; alive && index < upload_.scans.count; ++index) {
       const absl::StatusOr<Scan> scan = upload_.scans.read(index);
       if (!scan.ok()) return scan.status();
-      const std::string bytes = PointBytesOf(*scan);
-      const uint32_t checksum = ScanChecksum(bytes, upload_.poses[index], scan->time);
+      const absl::StatusOr<std::string> bytes = EncodePayload(*scan, upload_.encoding);
+      if (!bytes.ok()) return bytes.status();
+      const uint32_t checksum = ScanChecksum(*bytes, upload_.poses[index], scan->time);
       if (checksum != upload_.checksums[index]) {
         return absl::InvalidArgumentError(absl::StrFormat("scan %d changed while the session was being read", index));
       }
@@ -120,8 +142,14 @@ class Uploader {
       header.mutable_scan()->set_point_count(static_cast<uint32_t>(scan->points.size()));
       header.mutable_scan()->set_time(scan->time);
       header.mutable_scan()->set_crc32c(checksum);
+      header.mutable_scan()->set_format(ToWire(FormatOf(upload_.encoding)));
+      header.mutable_scan()->set_payload_bytes(static_cast<uint32_t>(bytes->size()));
       ToWire(upload_.poses[index], header.mutable_scan()->mutable_pose());
-      alive = stream.Write(header) && WriteChunks(stream, bytes);
+      {
+        const std::lock_guard lock(mutex_);
+        bytes_until_[index + 1] = bytes_until_[index] + bytes->size();
+      }
+      alive = stream.Write(header) && WriteChunks(stream, *bytes);
     }
     stream.WritesDone();
     return absl::OkStatus();
@@ -143,21 +171,32 @@ class Uploader {
   bool Report(uint32_t durable) {
     if (durable > durable_) patience_.Renew();
     durable_ = std::max(durable, durable_);
-    return !progress_ || progress_(static_cast<double>(durable_) / static_cast<double>(upload_.scans.count));
+    if (!progress_) return true;
+    UploadProgress now{.durable_scans = durable_, .scan_count = static_cast<uint32_t>(upload_.scans.count)};
+    {
+      const std::lock_guard lock(mutex_);
+      now.durable_bytes = bytes_until_[durable_];
+      now.is_broken = broken_now_;
+    }
+    return progress_(now);
   }
 
   const Connection& connection_;
   const SessionUpload& upload_;
-  const Progress& progress_;
+  const ProgressCallback& progress_;
   Patience patience_;
   uint32_t durable_ = 0;  ///< most that the server ever said
   bool broken_ = false;   ///< an earlier attempt ended early
+  std::mutex mutex_;
+  std::vector<uint64_t> bytes_until_ =
+      std::vector<uint64_t>(upload_.scans.count + 1);  ///< payloads of scans [0, i); guarded, as what follows
+  bool broken_now_ = false;
 };
 
 }  // namespace
 
 absl::StatusOr<SessionInfo> UploadSession(const Connection& connection, const SessionUpload& upload,
-                                          const Progress& progress) {
+                                          const std::function<bool(const UploadProgress&)>& progress) {
   if (upload.scans.count == 0 || upload.poses.size() != upload.scans.count ||
       upload.checksums.size() != upload.scans.count) {
     return absl::InvalidArgumentError(absl::StrFormat("%d poses and %d checksums for %d scans", upload.poses.size(),

@@ -9,6 +9,6 @@ namespace mapkeep {
 
 /// See Client::UploadSession.
 absl::StatusOr<SessionInfo> UploadSession(const Connection& connection, const SessionUpload& upload,
-                                          const Progress& progress);
+                                          const std::function<bool(const UploadProgress&)>& progress);
 
 }  // namespace mapkeep

@@ -131,6 +131,7 @@ SessionInfo FromWire(const v1::Session& session) {
                    .stage = session.stage(),
                    .stage_progress = session.stage_progress(),
                    .reason = session.reason(),
+                   .payload_bytes = session.payload_bytes(),
                    .report = {}};
   if (session.has_report()) info.report = FromWire(session.report());
   return info;
@@ -197,6 +198,10 @@ absl::StatusOr<Block> FromWire(const v1::VoxelBlock& wire) {
          .last_seen = wire.last_seen(row)});
   }
   return block;
+}
+
+v1::PointFormat ToWire(PayloadFormat format) {
+  return format == PayloadFormat::kDraco ? v1::POINT_FORMAT_DRACO : v1::POINT_FORMAT_FLOAT32;
 }
 
 void ToWire(const Eigen::Vector3d& point, v1::Point* wire) {

@@ -5,6 +5,7 @@
 #include "client/mapkeep/map_info.h"
 #include "client/mapkeep/session_info.h"
 #include "core/geometry/pose.h"
+#include "core/scan_payload/scan_payload.h"
 #include "core/voxels/block.h"
 #include "mapkeep/v1/common.pb.h"
 #include "mapkeep/v1/map_service.pb.h"
@@ -23,6 +24,7 @@ absl::StatusOr<Pose> FromWire(const v1::Pose& pose);
 /// DATA_LOSS naming the block if its columns differ in length or its positions are not sorted.
 absl::StatusOr<Block> FromWire(const v1::VoxelBlock& block);
 
+v1::PointFormat ToWire(PayloadFormat format);
 void ToWire(const Eigen::Vector3d& point, v1::Point* wire);
 v1::InitialPose ToWire(const KnownStart& start);
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire);

@@ -39,7 +39,11 @@ constexpr CallRule kRules[] = {
     {"SessionService/RetrySession", kUpload, kMap, "map"},
     {"SessionService/DeleteSession", kOperate, kMap, "map"},
     {"SessionService/ListScanPoses", kFollow, kMap, "map"},
+    {"TileService/GetTiles", kRead, kMap, "map"},
+    {"TileService/ListTiles", kRead, kMap, "map"},
     {"TileService/StreamTiles", kRead, kMap, "map"},
+    {"TileService/SyncTiles", kRead, kMap, "map"},
+    {"TileService/WatchMap", kRead, kMap, "map"},
 };
 
 constexpr char kPackage[] = "mapkeep.v1.";

@@ -4,6 +4,7 @@
 
 #include "server/config.h"
 #include "server/metrics/call_metrics.h"
+#include "server/epoch_feed.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/session_feed.h"
 #include "server/quota/quotas.h"
@@ -28,6 +29,7 @@ struct ServiceContext {
   Quotas& quotas;
   /// Held alone to make or delete a map, shared to begin a session, so that no session begins in a map that goes.
   std::shared_mutex& map_lifetimes;
+  EpochFeed& epochs;
 };
 
 }  // namespace mapkeep

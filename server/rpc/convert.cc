@@ -114,6 +114,7 @@ v1::Session ToProto(const SessionRecord& session, const std::optional<StageProgr
     proto.set_stage_progress(std::clamp(progress->fraction, 0.0, 1.0));
   }
   proto.set_reason(session.reason);
+  proto.set_payload_bytes(session.payload_bytes);
   if (session.state >= SessionState::kRunning) *proto.mutable_report() = ToProto(session.report);
   return proto;
 }

@@ -4,6 +4,7 @@
 #include <absl/strings/str_format.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -114,16 +115,19 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
         return assembly_.Begin(std::move(*request_.mutable_scan()));
       case v1::LocalizeRequest::kChunk: {
         if (absl::Status status = assembly_.Append(request_.chunk()); !status.ok()) return status;
-        bytes_ += request_.chunk().size();
-        if (bytes_ > kMostBytes) {
-          return absl::ResourceExhaustedError(absl::StrFormat("more than %d bytes of points", kMostBytes));
-        }
-        if (assembly_.complete()) scans_.push_back(assembly_.Take());
-        return absl::OkStatus();
+        if (bytes_ + assembly_.bytes() > kMostBytes) return TooMuch();
+        if (!assembly_.complete()) return absl::OkStatus();
+        scans_.push_back(assembly_.Take());
+        bytes_ += std::max(scans_.back().bytes.size(), scans_.back().DecodedBytes());
+        return bytes_ > kMostBytes ? TooMuch() : absl::OkStatus();
       }
       default:
         return absl::InvalidArgumentError("a message without `open`, `scan` or `chunk`");
     }
+  }
+
+  static absl::Status TooMuch() {
+    return absl::ResourceExhaustedError(absl::StrFormat("more than %d bytes of points", kMostBytes));
   }
 
   void End() {

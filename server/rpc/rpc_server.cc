@@ -95,6 +95,7 @@ void RpcServer::SetServing(bool serving) {
 void RpcServer::Shutdown(std::chrono::seconds patience) {
   services_->uploads.Close();
   services_->context.feed.Close();
+  services_->context.epochs.Close();
   services_->server->Shutdown(std::chrono::system_clock::now() + patience);
   services_->server->Wait();
 }

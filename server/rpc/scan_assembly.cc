@@ -5,11 +5,11 @@
 
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <string_view>
 #include <utility>
 
 #include "core/checksum/crc32c.h"
+#include "core/scan_payload/scan_payload.h"
 #include "core/voxels/voxel_index.h"
 #include "server/rpc/convert.h"
 
@@ -18,7 +18,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "points and checksums are little-endian on the wire");
 
-constexpr size_t kBytesPerPoint = 4 * sizeof(float);
+constexpr size_t kBytesPerPoint = 4 * sizeof(float);  // once they are decoded
 constexpr uint32_t kMostPoints = 4'000'000;
 constexpr size_t kLargestChunk = 1 << 20;
 
@@ -36,6 +36,26 @@ uint32_t Checksum(const RawScan& raw) {
   const double time = raw.header.time();
   add(&time, 1);
   return crc;
+}
+
+PayloadFormat FormatOf(const v1::ScanHeader& header) {
+  return header.format() == v1::POINT_FORMAT_DRACO ? PayloadFormat::kDraco : PayloadFormat::kFloat32;
+}
+
+absl::Status CheckFormat(const v1::ScanHeader& header) {
+  if (!v1::PointFormat_IsValid(header.format())) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("scan %d: point format %d is unknown here", header.index(), header.format()));
+  }
+  const size_t most = LargestPayload(header.point_count(), FormatOf(header));
+  const bool given = header.payload_bytes() != 0;
+  if (FormatOf(header) == PayloadFormat::kDraco ? given && header.payload_bytes() <= most
+                                                : !given || header.payload_bytes() == most) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrFormat("scan %d: payload_bytes %d for %d points, expected %s%d",
+                                                    header.index(), header.payload_bytes(), header.point_count(),
+                                                    header.format() == v1::POINT_FORMAT_DRACO ? "1 to " : "", most));
 }
 
 absl::Status CheckPoint(size_t index, const Eigen::Vector3f& point, float intensity, const Pose& pose,
@@ -60,6 +80,7 @@ absl::Status ScanAssembly::Begin(v1::ScanHeader header) {
     return absl::InvalidArgumentError(absl::StrFormat("scan %d: point_count %d, expected 1 to %d", header.index(),
                                                       header.point_count(), kMostPoints));
   }
+  if (absl::Status status = CheckFormat(header); !status.ok()) return status;
   scan_ = RawScan{.header = std::move(header)};
   return absl::OkStatus();
 }
@@ -88,7 +109,13 @@ std::string ScanAssembly::Description() const {
   return absl::StrFormat("scan %d has %d of %d bytes", scan_->header.index(), scan_->bytes.size(), Wanted());
 }
 
-size_t ScanAssembly::Wanted() const { return kBytesPerPoint * scan_->header.point_count(); }
+size_t ScanAssembly::Wanted() const {
+  const v1::ScanHeader& header = scan_->header;
+  return header.payload_bytes() != 0 ? header.payload_bytes()
+                                     : LargestPayload(header.point_count(), PayloadFormat::kFloat32);
+}
+
+size_t RawScan::DecodedBytes() const { return kBytesPerPoint * header.point_count(); }
 
 absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc32c, const MapRange& range) {
   const v1::ScanHeader& header = raw.header;
@@ -107,16 +134,13 @@ absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc3
   const auto pose = FromProto(header.pose());
   if (!pose.ok()) return At(scan, pose.status());
 
-  StagedScan staged{.pose = *pose};
+  auto points = DecodePayload(raw.bytes, FormatOf(header), header.point_count());
+  if (!points.ok()) return At(scan, points.status());
+  StagedScan staged{.scan = *std::move(points), .pose = *pose, .payload_bytes = raw.bytes.size()};
   staged.scan.time = header.time();
-  staged.scan.points.resize(header.point_count());
-  staged.scan.intensities.resize(header.point_count());
   Pose in_map = *pose;
   in_map.translation() -= range.origin;
-  const char* bytes = raw.bytes.data();
-  for (size_t i = 0; i < header.point_count(); ++i, bytes += kBytesPerPoint) {
-    std::memcpy(staged.scan.points[i].data(), bytes, 3 * sizeof(float));
-    std::memcpy(&staged.scan.intensities[i], bytes + 3 * sizeof(float), sizeof(float));
+  for (size_t i = 0; i < header.point_count(); ++i) {
     const absl::Status status =
         CheckPoint(i, staged.scan.points[i], staged.scan.intensities[i], in_map, range.voxel_size);
     if (!status.ok()) return At(scan, status);

@@ -15,15 +15,19 @@ namespace mapkeep {
 /// A scan as the wire carries it.
 struct RawScan {
   v1::ScanHeader header;
-  std::string bytes;  ///< 16 a point
+  std::string bytes;  ///< the payload
+
+  /// Memory that its points take when they are decoded, however few bytes they come in.
+  size_t DecodedBytes() const;
 };
 
 /// Puts scans together from headers and chunks. Its memory grows with the bytes that came, not with those claimed.
 class ScanAssembly {
  public:
-  /// Begins a scan. INVALID_ARGUMENT if the last one is not complete, or has no or too many points.
+  /// Begins a scan. INVALID_ARGUMENT if the last one is not complete, if it has no or too many points, or a payload
+  /// that cannot be.
   absl::Status Begin(v1::ScanHeader header);
-  /// INVALID_ARGUMENT without a scan, or beyond its point count or 1 MiB.
+  /// INVALID_ARGUMENT without a scan, or beyond its payload or 1 MiB.
   absl::Status Append(const std::string& chunk);
 
   bool under_way() const { return scan_.has_value(); }
@@ -47,8 +51,9 @@ struct MapRange {
 };
 
 /// The scan behind the bytes, checked: DATA_LOSS if they do not match the header's checksum; INVALID_ARGUMENT if that
-/// is not the one promised, for a bad pose, time or value (not finite, intensity not in [0, 1]), and for a point that,
-/// moved by the pose, lies beyond the 21-bit range. Every error names the scan, and the point if it is one.
+/// is not the one promised, for bytes that do not decode, a bad pose, time or value (not finite, intensity not in [0,
+/// 1]), and for a point that, moved by the pose, lies beyond the 21-bit range. Every error names the scan, and the
+/// point if it is one.
 absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc32c, const MapRange& range);
 
 }  // namespace mapkeep

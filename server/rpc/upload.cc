@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <algorithm>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -117,8 +118,10 @@ class Upload final : public Reactor {
     if (absl::Status status = assembly_.Append(request_.chunk()); !status.ok()) return status;
     if (assembly_.complete()) {
       pending_.push_back(assembly_.Take());
-      pending_bytes_ += pending_.back().bytes.size();
-      context_.metrics.Pending(static_cast<double>(pending_.back().bytes.size()));
+      // What they will take counts, too: a few bytes may decode to many points.
+      const size_t bytes = std::max(pending_.back().bytes.size(), pending_.back().DecodedBytes());
+      pending_bytes_ += bytes;
+      context_.metrics.Pending(static_cast<double>(bytes));
       ++next_index_;
     }
     return absl::OkStatus();
@@ -177,15 +180,18 @@ class Upload final : public Reactor {
       }
       staged.push_back(*std::move(scan));
     }
-    size_t bytes = 0;
-    for (size_t i = 0; i < staged.size(); ++i) bytes += batch[i].bytes.size();
-    absl::Status status = context_.quotas.Append(session_.first, session_.second, bytes);
+    size_t sent = 0, kept = 0;  // bytes; quotas are of what is kept
+    for (size_t i = 0; i < staged.size(); ++i) {
+      sent += batch[i].bytes.size();
+      kept += batch[i].DecodedBytes();
+    }
+    absl::Status status = context_.quotas.Append(session_.first, session_.second, kept);
     if (status.ok() && !staged.empty()) {
       status = context_.sessions.AppendScans(session_.first, session_.second, first, staged);
       if (!status.ok()) Recount();
     }
     if (status.ok() && !staged.empty()) {
-      context_.metrics.Staged(staged.size(), bytes);
+      context_.metrics.Staged(staged.size(), sent);
       context_.feed.Changed(session_);
     }
 

@@ -51,12 +51,13 @@ class Daemon:
             self.kill()
         shutil.rmtree(self.directory)
 
-    def start(self):
+    def start(self, listen="127.0.0.1:0"):
+        """Again on the address of before, if that is given."""
         ports = self.directory / "ports.json"
         ports.unlink(missing_ok=True)
         with open(self.directory / "log", "a") as log:
             self.process = subprocess.Popen(
-                [BIN / "mapkeepd", "--data", self.directory / "data", "--listen", "127.0.0.1:0", "--admin",
+                [BIN / "mapkeepd", "--data", self.directory / "data", "--listen", listen, "--admin",
                  "127.0.0.1:0", "--ports-file", ports, *self.flags], stdout=log, stderr=log)
         deadline = time.monotonic() + 60
         while not ports.exists():

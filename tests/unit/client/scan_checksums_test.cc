@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <string>
 #include <vector>
 
@@ -17,6 +16,10 @@ using ::testing::ElementsAre;
 
 const Scan kScan{.points = {{1, 2, 3}, {4, 5, 6}}, .intensities = {0.5F, 1.F}, .time = 1.75e9};
 
+std::string Payload(const Scan& scan, ScanEncoding encoding = ScanEncoding::kRaw) {
+  return *EncodePayload(scan, encoding);
+}
+
 /// A source of 100 scans of which some cannot be read.
 ScanSource WithBadScans(const std::vector<size_t>& bad) {
   return {100, [bad](size_t index) -> absl::StatusOr<Scan> {
@@ -27,24 +30,24 @@ ScanSource WithBadScans(const std::vector<size_t>& bad) {
           }};
 }
 
-TEST(ScanChecksums, PointsTravelAsFourFloats) {
-  const std::string bytes = PointBytesOf(kScan);
-  ASSERT_EQ(bytes.size(), 32U);
-  std::vector<float> numbers(8);
-  std::memcpy(numbers.data(), bytes.data(), bytes.size());
-  EXPECT_THAT(numbers, ElementsAre(1, 2, 3, 0.5F, 4, 5, 6, 1));
-  Scan unknown = kScan;
-  unknown.intensities.clear();
-  std::memcpy(numbers.data(), PointBytesOf(unknown).data(), bytes.size());
-  EXPECT_THAT(numbers, ElementsAre(1, 2, 3, 0, 4, 5, 6, 0));
-}
-
 TEST(ScanChecksums, CoverPointsThenPoseThenTime) {
   Pose pose = Pose::Identity();
   pose.translation() = Eigen::Vector3d(7, 8, 9);
   const double numbers[13] = {1, 0, 0, 7, 0, 1, 0, 8, 0, 0, 1, 9, 1.75e9};
-  const std::string all = PointBytesOf(kScan) + std::string(reinterpret_cast<const char*>(numbers), sizeof(numbers));
-  EXPECT_EQ(ScanChecksum(PointBytesOf(kScan), pose, kScan.time), Crc32c(all));
+  const std::string all = Payload(kScan) + std::string(reinterpret_cast<const char*>(numbers), sizeof(numbers));
+  EXPECT_EQ(ScanChecksum(Payload(kScan), pose, kScan.time), Crc32c(all));
+}
+
+TEST(ScanChecksums, AreOfThePayloadAsItIsSent) {
+  const std::vector<Pose> poses(1, Pose::Identity());
+  const auto checksums = ScanChecksums(SourceOf({kScan}), poses, {}, ScanEncoding::kDraco1Cm);
+  ASSERT_TRUE(checksums.ok()) << checksums.status();
+  EXPECT_THAT(*checksums, ElementsAre(ScanChecksum(Payload(kScan, ScanEncoding::kDraco1Cm), poses[0], kScan.time)));
+  Scan bad = kScan;
+  bad.intensities[1] = 2;
+  const auto refused =
+      ScanChecksums(SourceOf({kScan, bad}), std::vector<Pose>(2, Pose::Identity()), {}, ScanEncoding::kDraco1Mm);
+  EXPECT_EQ(refused.status().message(), "scan 1: point 1 has intensity 2, expected a value in [0, 1]");
 }
 
 TEST(ScanChecksums, OneAScanInOrder) {
@@ -52,7 +55,7 @@ TEST(ScanChecksums, OneAScanInOrder) {
   poses[1].translation().x() = 1;
   const auto checksums = ScanChecksums(SourceOf({kScan, kScan, kScan}), poses);
   ASSERT_TRUE(checksums.ok()) << checksums.status();
-  const std::string bytes = PointBytesOf(kScan);
+  const std::string bytes = Payload(kScan);
   EXPECT_THAT(*checksums,
               ElementsAre(ScanChecksum(bytes, poses[0], kScan.time), ScanChecksum(bytes, poses[1], kScan.time),
                           ScanChecksum(bytes, poses[2], kScan.time)));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/checksum/crc32c.h"
+#include "core/scan_payload/scan_payload.h"
 
 namespace mapkeep {
 namespace {
@@ -36,6 +37,19 @@ RawScan Raw(const std::vector<float>& values, double time = 1e9, std::array<doub
 }
 
 absl::Status Refusal(const RawScan& raw) { return DecodeScan(raw, raw.header.crc32c(), {.voxel_size = 0.2}).status(); }
+
+// The same, compressed.
+RawScan Compressed(const std::string& payload, uint32_t points) {
+  RawScan raw = Raw(std::vector<float>(4 * points));
+  raw.bytes = payload;
+  raw.header.set_format(v1::POINT_FORMAT_DRACO);
+  raw.header.set_payload_bytes(static_cast<uint32_t>(payload.size()));
+  const double time = raw.header.time();
+  uint32_t crc = Crc32c(payload);
+  crc = Crc32c({reinterpret_cast<const char*>(kIdentity.data()), sizeof kIdentity}, crc);
+  raw.header.set_crc32c(Crc32c({reinterpret_cast<const char*>(&time), sizeof time}, crc));
+  return raw;
+}
 
 v1::ScanHeader Header(uint32_t points) {
   v1::ScanHeader header;
@@ -129,6 +143,42 @@ TEST(DecodeScan, BadPosesAndTimesAreRefused) {
   stretched[0] = 2;
   EXPECT_THAT(std::string(Refusal(Raw({1, 2, 3, 0}, 0, stretched)).message()), HasSubstr("not a rotation"));
   EXPECT_THAT(std::string(Refusal(Raw({1, 2, 3, 0}, -1)).message()), HasSubstr("time -1"));
+}
+
+TEST(DecodeScan, CompressedPointsAreStagedAsWhatTheyDecodeTo) {
+  const Scan scan{.points = {{1, 2, 3}, {4, 5, 6}}, .intensities = {0.2F, 1}};
+  const std::string payload = *EncodePayload(scan, ScanEncoding::kDraco1Cm);
+  const RawScan raw = Compressed(payload, 2);
+  const auto staged = DecodeScan(raw, raw.header.crc32c(), {.voxel_size = 0.2});
+  ASSERT_TRUE(staged.ok()) << staged.status();
+  EXPECT_EQ(staged->scan.points, DecodePayload(payload, PayloadFormat::kDraco, 2)->points);
+  EXPECT_EQ(staged->payload_bytes, payload.size());
+  EXPECT_THAT(Refusal(Compressed(payload.substr(0, payload.size() - 1), 2)).message(), HasSubstr("scan 3: Draco"));
+  RawScan damaged = raw;
+  damaged.bytes[40] ^= 1;
+  EXPECT_EQ(Refusal(damaged).code(), absl::StatusCode::kDataLoss);
+}
+
+TEST(ScanAssembly, APayloadIsAsLongAsItsHeaderSays) {
+  v1::ScanHeader header = Header(1000);
+  header.set_payload_bytes(15'999);
+  EXPECT_THAT(ScanAssembly().Begin(header).message(), HasSubstr("payload_bytes 15999"));
+  header.set_format(v1::POINT_FORMAT_DRACO);
+  ScanAssembly assembly;
+  ASSERT_TRUE(assembly.Begin(header).ok());
+  ASSERT_TRUE(assembly.Append(std::string(15'999, 'x')).ok());
+  EXPECT_TRUE(assembly.complete());
+  header.set_payload_bytes(16'000 + 4097);
+  EXPECT_THAT(ScanAssembly().Begin(header).message(), HasSubstr("expected 1 to 20096"));
+  header.set_payload_bytes(0);
+  EXPECT_FALSE(ScanAssembly().Begin(header).ok());
+  header.set_format(static_cast<v1::PointFormat>(9));
+  EXPECT_THAT(ScanAssembly().Begin(header).message(), HasSubstr("point format 9"));
+}
+
+TEST(ScanAssembly, AFewBytesCountAsWhatTheyMayBecome) {
+  RawScan raw = Compressed("few", 1000);
+  EXPECT_EQ(raw.DecodedBytes(), 16'000U);
 }
 
 }  // namespace

@@ -380,5 +380,52 @@ TEST_F(RolledBackSessionsTest, OneWithoutItsScansIsUploadedAgainUnderItsId) {
   EXPECT_DONE(sessions_.ReadScan("m", "1", 0));
 }
 
+TEST_F(MapHistoryTest, ATilesVersionChangesWithItsContentAndComesBackWithIt) {
+  // CountingRequest changes every block; this one only some.
+  std::mt19937_64 random(3);
+  const auto commit = [&](const std::string& session, std::vector<VoxelIndex> where) {
+    std::vector<Block> blocks;
+    for (const VoxelIndex& index : where) {
+      blocks.push_back(RandomBlock(BlockKeyOf(index), 20, random));
+      blocks.back().voxels[0].is_static = true;
+    }
+    CommitRequest request{.session = session, .blocks = [blocks](const Snapshot&) { return blocks; }};
+    ASSERT_DONE(maps_->Commit("m", request));
+  };
+  const auto versions = [&](std::optional<uint64_t> epoch = {}) {
+    std::map<TileKey, WriteId> found;
+    const auto snapshot = maps_->Open("m", epoch);
+    EXPECT_DONE(snapshot);
+    for (const TileEntry& entry : *(*snapshot)->TileEntries(std::nullopt)) {
+      found[entry.key] = entry.version;
+      EXPECT_EQ((*(*snapshot)->FindTile(entry.key))->version, entry.version);
+    }
+    return found;
+  };
+  const TileKey near = TileKeyOf(VoxelIndex{0, 0, 0}), far = TileKeyOf(VoxelIndex{-3, 2, 0});
+  commit("1", {{0, 0, 0}, {3, 3, -5}, {-12, 8, 0}});
+  const auto first = versions();
+  EXPECT_EQ(first.size(), 2U);
+  commit("2", {{1, 2, 9}});
+  EXPECT_NE(versions()[near], first.at(near));
+  EXPECT_EQ(versions()[far], first.at(far));
+  EXPECT_EQ(versions(1), first);
+  ASSERT_DONE(maps_->Rollback("m", 1));
+  EXPECT_EQ(versions(), first);
+  EXPECT_FALSE(maps_->Open("m").value()->FindTile(TileKeyOf(VoxelIndex{5, 5, 0}))->has_value());
+
+  const auto head = maps_->Head("m");
+  ASSERT_DONE(head);
+  EXPECT_EQ(*head, (MapHead{incarnation_, 3}));
+  const auto commits = maps_->CommitsAfter("m", {incarnation_, 1}, 10);
+  ASSERT_DONE(commits);
+  ASSERT_EQ(commits->size(), 2U);
+  EXPECT_THAT((*commits)[0].touched_tiles, ElementsAre(near));
+  EXPECT_TRUE((*commits)[1].rollback);
+  EXPECT_EQ(maps_->CommitsAfter("m", {incarnation_, 1}, 1)->size(), 1U);
+  EXPECT_CODE(maps_->CommitsAfter("m", {incarnation_ + 1, 1}, 1), kNotFound);
+  EXPECT_CODE(maps_->Head("none"), kNotFound);
+}
+
 }  // namespace
 }  // namespace mapkeep

@@ -110,7 +110,9 @@ TEST_F(SessionStoreTest, TheSameSessionBegunAgainGoesOnAndAnotherIsRefused) {
 
 TEST_F(SessionStoreTest, ScansAreStagedInOrderAndReadBack) {
   ASSERT_DONE(sessions_->Begin(Session("s", {1, 2, 3})));
-  const std::vector<StagedScan> scans = {AnyScan(1), AnyScan(2), AnyScan(3)};
+  std::vector<StagedScan> scans = {AnyScan(1), AnyScan(2), AnyScan(3)};
+  scans[0].payload_bytes = 100;
+  scans[2].payload_bytes = 20;
   const std::span<const StagedScan> all(scans);
   EXPECT_CODE(sessions_->AppendScans("m", "s", 1, all.subspan(1)), kOutOfRange);
   EXPECT_DONE(sessions_->AppendScans("m", "s", 0, all.first(2)));
@@ -122,6 +124,7 @@ TEST_F(SessionStoreTest, ScansAreStagedInOrderAndReadBack) {
   engine_.Reopen();
   sessions_ = OpenSessionStore(*engine_);
   EXPECT_EQ(sessions_->Find("m", "s")->durable_scans, 3U);
+  EXPECT_EQ(sessions_->Find("m", "s")->payload_bytes, 120U) << "once each, whatever was refused";
   for (uint32_t i = 0; i < 3; ++i) ExpectSame(*sessions_->ReadScan("m", "s", i), scans[i]);
 }
 
