@@ -164,7 +164,7 @@ TEST(Robustness, LargestMessagesAreRefusedByNameAndTakeNoMoreThanTheirOwnMemory)
   for (int sender = 0; sender < 4; ++sender) {
     senders.emplace_back([&, sender] {
       Robot greedy(daemon.listen());
-      const std::string id = "g" + std::to_string(sender);
+      const std::string id = std::string("greedy-").append(std::to_string(sender));
       ASSERT_THAT(greedy.Begin("site", id, scans), IsOk());
       for (int round = 0; round < 5; ++round) {
         for (const size_t size : {size_t{7} << 20, size_t{9} << 20}) {
