@@ -70,16 +70,14 @@ let firstLook = true;
 export async function loadMaps(): Promise<void> {
   try {
     const list = await listMaps();
-    batch(() => {
-      maps.value = list;
-      problem.value = null;
-    });
+    maps.value = list;
+    if (!route.value.map) problem.value = null;
     // One map: that is what somebody comes for. Who goes back to the list wants the list.
     const only = firstLook && list.length === 1 ? list[0] : undefined;
     firstLook = false;
     if (only && !route.value.map) go({ map: only.name, page: 'map' });
   } catch (error) {
-    report(error);
+    if (!route.value.map) report(error); // else what is asked about the map itself tells
   }
 }
 
