@@ -412,7 +412,7 @@ std::vector<Setting> MakeSettings() {
 std::string ToString(const Endpoint& endpoint) {
   if (endpoint.host.empty()) return "";
   const bool is_v6 = endpoint.host.find(':') != std::string::npos;
-  return absl::StrFormat(is_v6 ? "[%s]:%d" : "%s:%d", endpoint.host, endpoint.port);
+  return absl::StrCat(is_v6 ? "[" : "", endpoint.host, is_v6 ? "]:" : ":", endpoint.port);
 }
 
 const std::vector<Setting>& Settings() {

@@ -8,8 +8,10 @@
 #include <string>
 
 #include "client/mapkeep/channel.h"
+#include "client/mapkeep/retry_delay.h"
 
 namespace mapkeep {
+
 Connection::Connection(const ClientOptions& options)
     : options_(options),
       usable_(CheckCredentials(options)),
@@ -33,6 +35,9 @@ absl::Status Connection::StatusOf(const grpc::Status& status) const {
   if (status.ok()) return absl::OkStatus();
   // The two libraries number their codes alike.
   const auto code = static_cast<absl::StatusCode>(status.error_code());
+  if (const auto delay = RetryDelayIn(status.error_details())) {
+    return KeepRetryDelay({code, status.error_message()}, *delay);
+  }
   if (code != absl::StatusCode::kUnavailable) return {code, status.error_message()};
   return {code, absl::StrCat("the server at ", options_.server, " is not available: ", status.error_message())};
 }
@@ -42,9 +47,10 @@ void Patience::Renew() {
   pause_ = kShortest;
 }
 
-bool Patience::Wait() {
-  if (absl::Now() - last_progress_ + pause_ > limit_) return false;
-  absl::SleepFor(pause_);
+bool Patience::Wait(absl::Duration at_least) {
+  const absl::Duration pause = std::max(pause_, at_least);
+  if (absl::Now() - last_progress_ + pause > limit_) return false;
+  absl::SleepFor(pause);
   pause_ = std::min(2 * pause_, kLongest);
   return true;
 }

@@ -13,8 +13,8 @@ class Patience {
   /// Something was achieved: the time begins anew.
   void Renew();
 
-  /// Waits for the next attempt; false if the time is up.
-  bool Wait();
+  /// Waits for the next attempt, at least as long as the server asked for; false if the time is up.
+  bool Wait(absl::Duration at_least = absl::ZeroDuration());
 
  private:
   static constexpr absl::Duration kShortest = absl::Milliseconds(100);

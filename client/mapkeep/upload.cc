@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/mapkeep/retry_delay.h"
 #include "client/mapkeep/scan_checksums.h"
 #include "client/mapkeep/wire.h"
 
@@ -41,14 +42,15 @@ class Uploader {
       absl::StatusOr<v1::Session> session = Attempt(&reached);
       if (session.ok()) return FromWire(*session);
       // The first call has waited for the server already, so what is not there at the start is reported at once.
-      if (!reached || !IsPassing(session.status())) return session.status();
+      const auto delay = KeptRetryDelay(session.status());  // a quota is full: the server has answered
+      if (!delay && (!reached || !IsPassing(session.status()))) return session.status();
       broken_ = true;
       {
         const std::lock_guard lock(mutex_);
         broken_now_ = true;
       }
       if (!Report(durable_)) return absl::CancelledError("stopped");
-      if (!patience_.Wait()) return session.status();
+      if (!patience_.Wait(delay.value_or(absl::ZeroDuration()))) return session.status();
     }
   }
 

@@ -1,12 +1,14 @@
 #include "client/readers/pcd_header.h"
 
 #include <absl/container/flat_hash_map.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 #include <absl/strings/str_split.h>
 #include <absl/strings/string_view.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -40,6 +42,13 @@ absl::StatusOr<Lines> SplitHeader(const fs::path& file, absl::string_view text, 
     Words words = absl::StrSplit(line, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
     if (words.empty() || words.front()[0] == '#') continue;
     const absl::string_view key = words.front();
+    // PCL gives up on a line that it does not know, and then reads points through a null pointer.
+    constexpr std::array kKeys = {"VERSION", "FIELDS", "SIZE",      "TYPE",   "COUNT",
+                                  "WIDTH",   "HEIGHT", "VIEWPOINT", "POINTS", "DATA"};
+    if (std::ranges::find(kKeys, key) == kKeys.end()) {
+      return AtFile(file, absl::StrFormat("not a readable PCD file: its header has a line '%s'",
+                                          absl::CHexEscape(key.substr(0, 40))));
+    }
     words.erase(words.begin());
     lines[key] = std::move(words);
     if (key == "DATA") {

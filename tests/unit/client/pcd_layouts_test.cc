@@ -189,6 +189,13 @@ TEST_F(Elite, TooFewLinesOfPointsAreNamed) {
   EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: its points cannot be read"));
 }
 
+TEST_F(Elite, AHeaderLineThatNobodyKnowsIsNamed) {
+  WriteText(ScanFile(),
+            "VER\x01SION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\n"
+            "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n5 6 7\n");
+  EXPECT_THAT(Error(), HasSubstr("its header has a line 'VER\\x01SION'"));
+}
+
 TEST_F(Elite, ACloudWithoutCoordinatesIsNamed) {
   WriteText(ScanFile(),
             "VERSION 0.7\nFIELDS a b\nSIZE 4 4\nTYPE F F\nCOUNT 1 1\nWIDTH 1\nHEIGHT 1\n"

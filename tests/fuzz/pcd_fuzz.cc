@@ -1,0 +1,20 @@
+// A PCD file.
+
+#include <cstdint>
+#include <cstdlib>
+#include <iostream>
+
+#include "client/readers/pcd_file.h"
+#include "tests/fuzz/scratch_folder.h"
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  std::cerr.setstate(std::ios::failbit);  // PCL tells there what it does not like
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  WriteScratch("scan.pcd", {reinterpret_cast<const char*>(data), size});
+  const auto scan = mapkeep::ReadPcdPoints(ScratchFolder() / "scan.pcd");
+  if (scan.ok() && !scan->intensities.empty() && scan->intensities.size() != scan->points.size()) std::abort();
+  return 0;
+}
