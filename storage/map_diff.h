@@ -5,22 +5,25 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
+#include <span>
 #include <vector>
 
+#include "core/changes/changed_objects.h"
 #include "storage/map_store.h"
 
 namespace mapkeep {
 
-/// What became static and what ceased to be, in one block. Voxels in order of position, as the epoch has them that
-/// holds them static.
-struct BlockChange {
-  Block appeared;     ///< static after, and absent or not static before
-  Block disappeared;  ///< the other way round
-};
-
 /// Of one block; empty ones if it does not differ in this.
-absl::StatusOr<BlockChange> ChangeOf(const Snapshot& before, const Snapshot& after, BlockKey key);
+absl::StatusOr<BlockChange> ChangeOf(const Snapshot& before, const Snapshot& after, BlockKey key,
+                                     const ChangeParameters& parameters = {});
+
+/// The objects that the changes between two snapshots make up; `changes` as CompareSnapshots gives them, all of them.
+absl::StatusOr<std::vector<ChangedObject>> ChangedObjectsBetween(const Snapshot& before, const Snapshot& after,
+                                                                 std::span<const BlockChange> changes,
+                                                                 const ChangedObjectParameters& parameters = {});
+
+/// More changed voxels than this are not grouped to objects by whoever serves a comparison: they would fill its memory.
+inline constexpr uint64_t kMostGroupedVoxels = uint64_t{1} << 22;
 
 /// Calls `change` for each block with a difference between two snapshots of one map, in order of key. Reads what
 /// differs alone: values that both epochs share are passed over unread. INVALID_ARGUMENT for snapshots of different

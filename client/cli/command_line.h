@@ -37,9 +37,11 @@ void AddAdminCommands(CommandLine& line);
 void AddMapCommands(CommandLine& line);
 /// Those of the map group that are about its epochs.
 void AddHistoryCommands(CommandLine& line, CLI::App& group);
+void AddDiffCommand(CommandLine& line, CLI::App& group);
 void AddSessionCommands(CommandLine& line);
 void AddTileCommands(CommandLine& line);
 void AddExportCommand(CommandLine& line);
+void AddImportCommand(CommandLine& line);
 void AddQueryCommand(CommandLine& line);
 void AddLocalizeCommand(CommandLine& line);
 void AddCleanCommand(CommandLine& line);

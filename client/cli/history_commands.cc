@@ -11,10 +11,7 @@
 #include <vector>
 
 #include "client/cli/command_line.h"
-#include "client/cli/interruption.h"
 #include "client/cli/output.h"
-#include "client/exporters/change_file.h"
-#include "client/exporters/map_points.h"
 
 namespace mapkeep {
 namespace {
@@ -25,8 +22,6 @@ struct HistoryArguments {
   std::string tag;
   std::optional<uint64_t> epoch;
   bool remove = false;
-  uint64_t before = 0, after = 0;
-  std::string file;
 };
 
 std::string Describe(const VersionInfo& version) {
@@ -103,54 +98,6 @@ ExitCode RollBack(const GlobalOptions& options, const HistoryArguments& argument
   return ExitCode::kDone;
 }
 
-ExitCode Diff(const GlobalOptions& options, const HistoryArguments& arguments) {
-  std::optional<ChangeFileWriter> writer;
-  MapSnapshot snapshot;
-  uint64_t appeared = 0, disappeared = 0, blocks = 0;
-  const Interruption interruption;
-  const auto add = [&](const std::optional<Block>& block, Change change, uint64_t& count) {
-    if (!block) return;
-    count += block->voxels.size();
-    if (!writer) return;
-    ForEachPoint(*block, snapshot.voxel_size, PointDetail::kSubVoxels, std::nullopt,
-                 [&](const Eigen::Vector3d& point, float) { writer->Add(point, change); });
-  };
-  absl::Status status = options.Connect().CompareEpochs(
-      arguments.map, arguments.before, arguments.after,
-      [&](const MapSnapshot& header) -> absl::Status {
-        snapshot = header;
-        if (arguments.file.empty()) return absl::OkStatus();
-        auto created = ChangeFileWriter::Create(
-            arguments.file, absl::StrFormat("%s from epoch %d to %d: green appeared, red disappeared", arguments.map,
-                                            arguments.before, arguments.after));
-        if (!created.ok()) return created.status();
-        writer.emplace(*std::move(created));
-        return absl::OkStatus();
-      },
-      [&](const BlockChangeInfo& change) -> absl::Status {
-        if (interruption.requested()) return absl::CancelledError("stopped");
-        ++blocks;
-        add(change.appeared, Change::kAppeared, appeared);
-        add(change.disappeared, Change::kDisappeared, disappeared);
-        return absl::OkStatus();
-      });
-  if (status.ok() && writer) status = writer->Finish();
-  if (!status.ok()) return Fail(status);
-  if (options.json) {
-    PrintJson({{"map", arguments.map},
-               {"before", arguments.before},
-               {"after", arguments.after},
-               {"appeared", appeared},
-               {"disappeared", disappeared},
-               {"blocks", blocks},
-               {"points", writer ? writer->count() : 0}});
-  } else {
-    std::cout << absl::StrFormat("%s from epoch %d to %d: %d static voxels appeared, %d disappeared, in %d blocks\n",
-                                 arguments.map, arguments.before, arguments.after, appeared, disappeared, blocks);
-  }
-  return ExitCode::kDone;
-}
-
 }  // namespace
 
 void AddHistoryCommands(CommandLine& line, CLI::App& group) {
@@ -179,12 +126,7 @@ void AddHistoryCommands(CommandLine& line, CLI::App& group) {
         "rollback", "Make a new epoch with the content of an earlier one; later sessions can be tried again", RollBack);
     command->add_option("--epoch", arguments->epoch, "Whose content comes back")->required();
   }
-  {
-    const auto [command, arguments] = add("diff", "Tell what static structure appeared and disappeared", Diff);
-    command->add_option("A", arguments->before, "Earlier epoch")->required();
-    command->add_option("B", arguments->after, "Later epoch")->required();
-    command->add_option("OUT", arguments->file, "Coloured points, .ply: green appeared, red disappeared");
-  }
+  AddDiffCommand(line, group);
 }
 
 }  // namespace mapkeep

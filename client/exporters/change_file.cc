@@ -14,8 +14,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the format is written little-endian");
 
 using Colour = std::array<unsigned char, 3>;
-constexpr Colour kGreen = {40, 190, 80};
-constexpr Colour kRed = {220, 60, 50};
+constexpr std::array<Colour, 3> kColours = {{{40, 190, 80}, {220, 60, 50}, {245, 150, 30}}};  ///< by ChangeClass
 constexpr size_t kWidestCount = std::numeric_limits<uint64_t>::digits10 + 1;
 
 }  // namespace
@@ -31,9 +30,9 @@ absl::StatusOr<ChangeFileWriter> ChangeFileWriter::Create(const std::filesystem:
   return writer;
 }
 
-void ChangeFileWriter::Add(const Eigen::Vector3d& point, Change change) {
+void ChangeFileWriter::Add(const Eigen::Vector3d& point, ChangeClass change) {
   const Eigen::Vector3f position = point.cast<float>();
-  const Colour& colour = change == Change::kAppeared ? kGreen : kRed;
+  const Colour& colour = kColours[static_cast<size_t>(change)];
   file_.stream().write(reinterpret_cast<const char*>(position.data()), sizeof(float) * 3);
   file_.stream().write(reinterpret_cast<const char*>(colour.data()), colour.size());
   ++count_;

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 
+#include "core/changes/change_class.h"
 #include "core/tiling/tile_point.h"
 
 namespace mapkeep {
@@ -21,8 +22,6 @@ namespace mapkeep {
 //   _GROUND     uint8: 0 or 1
 //   _INTENSITY  uint8: 255 is 1
 //   _CLASS      uint8, only of changes: 0 appeared, 1 disappeared, 2 unstable
-
-enum class ChangeClass : uint8_t { kAppeared = 0, kDisappeared = 1, kUnstable = 2 };
 
 struct PointTileOptions {
   double voxel_size = 0.2;                 ///< metres

@@ -25,6 +25,7 @@ class EpochComparison final : public Reactor {
   }
 
   void OnWriteDone(bool ok) override {
+    if (ended_) return;
     if (ok && !cancelled_) {
       context_.pool.Submit([this] { Next(); });
     } else {
@@ -67,25 +68,53 @@ class EpochComparison final : public Reactor {
   void Next() {
     while (!cancelled_) {
       if (next_ == blocks_.size()) {
-        Finish(grpc::Status::OK);
+        EndWithObjects();
         return;
       }
-      const auto change = ChangeOf(*before_, *after_, blocks_[next_++]);
+      auto change = ChangeOf(*before_, *after_, blocks_[next_++]);
       if (!change.ok()) {
         Finish(ToGrpc(change.status()));
         return;
       }
       auto appeared = ToProto(change->appeared, std::nullopt, true);
       auto disappeared = ToProto(change->disappeared, std::nullopt, true);
-      if (!appeared && !disappeared) continue;
+      auto unstable = ToProto(change->unstable, std::nullopt, true);
+      if (change->empty()) continue;
       v1::BlockChange& message = *response_.mutable_change();
       message.Clear();
       if (appeared) *message.mutable_appeared() = *std::move(appeared);
       if (disappeared) *message.mutable_disappeared() = *std::move(disappeared);
+      if (unstable) *message.mutable_unstable() = *std::move(unstable);
+      Collect(*std::move(change));
       StartWrite(&response_);
       return;
     }
     Finish(grpc::Status(grpc::StatusCode::CANCELLED, "the client went away"));
+  }
+
+  void Collect(BlockChange change) {
+    voxels_ += change.appeared.voxels.size() + change.disappeared.voxels.size() + change.unstable.voxels.size();
+    if (voxels_ > kMostGroupedVoxels) {
+      changes_ = {};
+    } else {
+      changes_.push_back(std::move(change));
+    }
+  }
+
+  void EndWithObjects() {
+    v1::ChangedObjects& message = *response_.mutable_objects();
+    if (voxels_ > kMostGroupedVoxels) {
+      message.set_too_many(true);
+    } else {
+      const auto objects = ChangedObjectsBetween(*before_, *after_, changes_);
+      if (!objects.ok()) {
+        Finish(ToGrpc(objects.status()));
+        return;
+      }
+      for (const ChangedObject& object : *objects) *message.add_objects() = ToProto(object);
+    }
+    ended_ = true;
+    StartWriteAndFinish(&response_, {}, grpc::Status::OK);
   }
 
   const ServiceContext context_;
@@ -95,6 +124,9 @@ class EpochComparison final : public Reactor {
   std::unique_ptr<Snapshot> before_, after_;
   std::vector<BlockKey> blocks_;
   size_t next_ = 0;
+  std::vector<BlockChange> changes_;
+  uint64_t voxels_ = 0;
+  bool ended_ = false;  // the last write finishes the call by itself
 };
 
 }  // namespace

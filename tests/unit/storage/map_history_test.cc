@@ -306,6 +306,9 @@ TEST_F(MapHistoryTest, ADifferenceHasWhatBecameStaticAndWhatCeasedToBe) {
   ASSERT_EQ(changes.size(), 1U) << "the other block is shared";
   EXPECT_EQ(changes[0].appeared, (Block{a, {voxel(3, true)}}));
   EXPECT_EQ(changes[0].disappeared, (Block{a, {voxel(2, true)}}));
+  const auto objects = ChangedObjectsBetween(*first, *second, changes);
+  ASSERT_DONE(objects);
+  EXPECT_TRUE(objects->empty()) << "two voxels are no object";
   changes.clear();
   ASSERT_DONE(CompareSnapshots(*empty, *first, note));
   EXPECT_EQ(changes.size(), 2U);
