@@ -32,6 +32,7 @@
 #include "server/quota/quotas.h"
 #include "server/rpc/gate.h"
 #include "server/rpc/rpc_server.h"
+#include "server/scratch_directory.h"
 #include "server/service_notice.h"
 #include "server/work_pool.h"
 #include "storage/rados_engine.h"
@@ -127,7 +128,10 @@ struct Daemon::State {
                               .keyring = given.rados_keyring});
     }
     auto opened = OpenRocksDbEngine((fs::path(config.data) / "rocksdb").string());
-    if (opened.ok()) return opened;
+    if (opened.ok()) {
+      RemoveScratchDirectories(config.data);  // the store's lock says that nobody else is here
+      return opened;
+    }
     return absl::Status(opened.status().code(),
                         absl::StrFormat("--data %s: %s", config.data, opened.status().message()));
   }

@@ -3,6 +3,7 @@
 #include <absl/container/flat_hash_set.h>
 
 #include <array>
+#include <functional>
 #include <utility>
 
 #include "storage/map_history.h"
@@ -50,6 +51,29 @@ class Copier {
       }
       if (absl::Status status = CopyTree(epochs[i].root); !status.ok()) return status;
     }
+    return Flush();
+  }
+
+  /// The content of one state as epoch 1, after the empty epoch 0.
+  absl::Status CopyAsFirst(const EpochState& state, std::string_view session, double now) {
+    const uint64_t attempt = Random64();
+    EpochState empty, first = state;
+    empty.origin = first.origin;
+    first.epoch = first.sessions = 1;
+    first.rollback = 0;
+    CommitRecord commit{
+        .epoch = 1, .session = std::string(session), .attempt = AttemptName(session, attempt), .time = now};
+    if (state.root) {
+      if (absl::Status status = ListTiles(NameOfRoot(*state.root), &commit.touched_tiles); !status.ok()) return status;
+    }
+    const std::string row = EncodeRow(first);
+    rows_ = {{std::string(kHeadRow), row},
+             {RootRow(0), EncodeRow(empty)},
+             {RootRow(1), row},
+             {CommitRowKey(1), EncodeRow(commit)},
+             {AppliedRowKey(session), EncodeRow(Applied{1, attempt})}};
+    if (absl::Status status = FlushRows(); !status.ok()) return status;
+    if (absl::Status status = CopyTree(state.root); !status.ok()) return status;
     return Flush();
   }
 
@@ -120,6 +144,21 @@ class Copier {
     return absl::OkStatus();
   }
 
+  /// The tiles below a node, in order.
+  absl::Status ListTiles(const ValueName& name, std::vector<TileKey>* tiles) const {
+    if (name.kind == ValueKind::kLeaf) {
+      tiles->push_back(TileKey{static_cast<uint32_t>(name.place)});
+      return absl::OkStatus();
+    }
+    const auto node = values_.ReadNode(name);
+    if (!node.ok()) return node.status();
+    for (const TreeChild& child : (*node)->children) {
+      absl::Status status = ListTiles(NameOfChild((*node)->level, (*node)->prefix, child), tiles);
+      if (!status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
   absl::Status Flush() {
     bytes_ = 0;
     absl::Status written = to_.PutGroups(groups_);
@@ -182,22 +221,9 @@ absl::Status CopySessions(const Engine& from, Engine& to, std::string_view map, 
   return absl::OkStatus();
 }
 
-}  // namespace
-
-absl::StatusOr<std::vector<std::string>> MapNames(const Engine& engine) {
-  std::vector<std::string> names;
-  const std::string prefix = CatalogueRow("");
-  const absl::Status scanned =
-      engine.Scan(kCatalogue, prefix, EndOf(prefix), [&](std::string_view key, std::string_view) {
-        names.emplace_back(key.substr(prefix.size()));
-        return true;
-      });
-  if (!scanned.ok()) return scanned;
-  return names;
-}
-
-absl::Status CopyMap(const Engine& from, Engine& to, std::string_view map, std::string_view as,
-                     std::optional<uint64_t> epoch, const Progress& progress) {
+/// Makes a map of a name of its own, which `fill` fills from the source's incarnation, known in one last step.
+absl::Status CopyInto(const Engine& from, Engine& to, std::string_view map, std::string_view as,
+                      const std::function<absl::Status(Copier& copier, uint64_t source)>& fill) {
   const auto row = ReadRow(from, kCatalogue, CatalogueRow(map), DecodeMap);
   if (!row.ok()) return row.status();
   if (!*row) return absl::NotFoundError(Text("there is no map ", map));
@@ -220,16 +246,7 @@ absl::Status CopyMap(const Engine& from, Engine& to, std::string_view map, std::
     return status;
   }
   Copier copier(from, to, source, copy.incarnation);
-  absl::Status copied;
-  if (epoch) {
-    const auto state = ReadRow(from, HeadPartition(source), RootRow(*epoch), DecodeEpoch);
-    if (!state.ok()) return state.status();
-    if (!*state) return absl::FailedPreconditionError(Text("epoch ", *epoch, " is collected, or never was"));
-    copied = copier.CopyEpoch((*state)->value);
-  } else {
-    copied = copier.CopyAll(progress);
-    if (copied.ok()) copied = CopySessions(from, to, map, as);
-  }
+  absl::Status copied = fill(copier, source);
   const std::vector<Condition> conditions = {{CatalogueRow(as), std::nullopt}, {PurgeRowKey(copy.incarnation), order}};
   const std::vector<Mutation> named = {{CatalogueRow(as), copy_row}, {PurgeRowKey(copy.incarnation), std::nullopt}};
   if (copied.ok()) copied = to.CompareAndSet(kCatalogue, conditions, named);
@@ -240,6 +257,45 @@ absl::Status CopyMap(const Engine& from, Engine& to, std::string_view map, std::
     to.Write(kCatalogue, done, Durability::kBuffered).IgnoreError();
   }
   return absl::IsAborted(copied) ? taken : copied;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<std::string>> MapNames(const Engine& engine) {
+  std::vector<std::string> names;
+  const std::string prefix = CatalogueRow("");
+  const absl::Status scanned =
+      engine.Scan(kCatalogue, prefix, EndOf(prefix), [&](std::string_view key, std::string_view) {
+        names.emplace_back(key.substr(prefix.size()));
+        return true;
+      });
+  if (!scanned.ok()) return scanned;
+  return names;
+}
+
+absl::Status CopyMap(const Engine& from, Engine& to, std::string_view map, std::string_view as,
+                     std::optional<uint64_t> epoch, const Progress& progress) {
+  return CopyInto(from, to, map, as, [&](Copier& copier, uint64_t source) -> absl::Status {
+    if (!epoch) {
+      if (absl::Status status = copier.CopyAll(progress); !status.ok()) return status;
+      return CopySessions(from, to, map, as);
+    }
+    const auto state = ReadRow(from, HeadPartition(source), RootRow(*epoch), DecodeEpoch);
+    if (!state.ok()) return state.status();
+    if (!*state) return absl::FailedPreconditionError(Text("epoch ", *epoch, " is collected, or never was"));
+    return copier.CopyEpoch((*state)->value);
+  });
+}
+
+absl::Status AdoptMap(const Engine& from, Engine& to, std::string_view map, std::string_view as,
+                      std::string_view session, const Progress& progress) {
+  return CopyInto(from, to, map, as, [&](Copier& copier, uint64_t source) -> absl::Status {
+    const auto state = ReadRow(from, HeadPartition(source), kHeadRow, DecodeEpoch);
+    if (!state.ok()) return state.status();
+    if (!*state) return absl::DataLossError(Text("map ", map, " has no head"));
+    if (progress && !progress(0)) return absl::CancelledError("the copy was stopped");
+    return copier.CopyAsFirst((*state)->value, session, SystemSeconds());
+  });
 }
 
 }  // namespace mapkeep

@@ -24,6 +24,11 @@ namespace mapkeep {
 absl::Status CopyMap(const Engine& from, Engine& to, std::string_view map, std::string_view as,
                      std::optional<uint64_t> epoch = {}, const Progress& progress = {});
 
+/// Copies the newest state of a map from one engine to another as the first epoch of a new map `as`, made by one commit
+/// of `session`; its history stays behind. Otherwise as CopyMap.
+absl::Status AdoptMap(const Engine& from, Engine& to, std::string_view map, std::string_view as,
+                      std::string_view session, const Progress& progress = {});
+
 /// Names of the maps in an engine, in order.
 absl::StatusOr<std::vector<std::string>> MapNames(const Engine& engine);
 

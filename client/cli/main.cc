@@ -34,6 +34,7 @@ int Run(int argc, char** argv) {
   AddSessionCommands(line);
   AddTileCommands(line);
   AddExportCommand(line);
+  AddImportCommand(line);
   AddQueryCommand(line);
   AddLocalizeCommand(line);
   AddCleanCommand(line);

@@ -4,11 +4,11 @@ namespace mapkeep {
 
 void ForEachPoint(const Block& block, double voxel_size, PointDetail detail,
                   const std::optional<Eigen::AlignedBox3d>& box,
-                  const std::function<void(const Eigen::Vector3d& point, float intensity)>& point) {
+                  const std::function<void(const Eigen::Vector3d& point, const Voxel& voxel)>& point) {
   const auto add = [&](const Eigen::Vector3d& position, const Voxel& voxel) {
     const bool inside = !box.has_value() || ((position.array() >= box->min().array()).all() &&
                                              (position.array() < box->max().array()).all());
-    if (inside) point(position, static_cast<float>(voxel.intensity) / 255);
+    if (inside) point(position, voxel);
   };
   for (const Voxel& voxel : block.voxels) {
     if (detail == PointDetail::kCentroids) {

@@ -15,10 +15,13 @@ enum class PointDetail : uint8_t {
   kCentroids,  ///< the mean point of every voxel
 };
 
-/// Calls `point` for each point of the block, in order of voxel, with metres relative to the map's origin and the
-/// voxel's mean intensity, [0, 1]. Of a box its min is inside, its max is not.
+/// Calls `point` for each point of the block, in order of voxel, with metres relative to the map's origin and the voxel
+/// that it stands for. Of a box its min is inside, its max is not.
 void ForEachPoint(const Block& block, double voxel_size, PointDetail detail,
                   const std::optional<Eigen::AlignedBox3d>& box,
-                  const std::function<void(const Eigen::Vector3d& point, float intensity)>& point);
+                  const std::function<void(const Eigen::Vector3d& point, const Voxel& voxel)>& point);
+
+/// The voxel's mean intensity, [0, 1].
+inline float IntensityOf(const Voxel& voxel) { return static_cast<float>(voxel.intensity) / 255; }
 
 }  // namespace mapkeep

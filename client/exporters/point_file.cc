@@ -3,7 +3,9 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <array>
 #include <bit>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -42,8 +44,12 @@ std::string PlyHeader(uint64_t count, CoordinateType coordinates, const std::vec
 }
 
 template <typename Number>
-void Write(std::ostream& stream, Number number) {
-  stream.write(reinterpret_cast<const char*>(&number), sizeof(number));
+void WriteRow(std::ostream& stream, const Eigen::Vector3d& point, float intensity) {
+  std::array<char, 3 * sizeof(Number) + sizeof(float)> row;
+  const Eigen::Matrix<Number, 3, 1> position = point.cast<Number>();
+  std::memcpy(row.data(), position.data(), 3 * sizeof(Number));
+  std::memcpy(row.data() + 3 * sizeof(Number), &intensity, sizeof(float));
+  stream.write(row.data(), row.size());
 }
 
 }  // namespace
@@ -58,9 +64,14 @@ absl::StatusOr<PointFileWriter> PointFileWriter::Create(const std::filesystem::p
                                                         std::vector<std::string> comments) {
   absl::StatusOr<PointFileFormat> format = PointFileFormatOf(path);
   if (!format.ok()) return format.status();
+  return Create(path, *format, coordinates, std::move(comments));
+}
+
+absl::StatusOr<PointFileWriter> PointFileWriter::Create(const std::filesystem::path& path, PointFileFormat format,
+                                                        CoordinateType coordinates, std::vector<std::string> comments) {
   absl::StatusOr<OutputFile> file = OutputFile::Create(path);
   if (!file.ok()) return file.status();
-  PointFileWriter writer(*std::move(file), *format, coordinates, std::move(comments));
+  PointFileWriter writer(*std::move(file), format, coordinates, std::move(comments));
   writer.file_.stream() << writer.Header(0);
   return writer;
 }
@@ -70,14 +81,11 @@ PointFileWriter::PointFileWriter(OutputFile file, PointFileFormat format, Coordi
     : file_(std::move(file)), format_(format), coordinates_(coordinates), comments_(std::move(comments)) {}
 
 void PointFileWriter::Add(const Eigen::Vector3d& point, float intensity) {
-  for (const double coordinate : point) {
-    if (coordinates_ == CoordinateType::kFloat32) {
-      Write(file_.stream(), static_cast<float>(coordinate));
-    } else {
-      Write(file_.stream(), coordinate);
-    }
+  if (coordinates_ == CoordinateType::kFloat32) {
+    WriteRow<float>(file_.stream(), point, intensity);
+  } else {
+    WriteRow<double>(file_.stream(), point, intensity);
   }
-  Write(file_.stream(), intensity);
   ++count_;
 }
 

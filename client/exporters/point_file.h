@@ -29,7 +29,10 @@ enum class CoordinateType : uint8_t {
 /// makes up for the digits. The file appears when Finish has succeeded (see OutputFile).
 class PointFileWriter {
  public:
-  /// `comments` go into the header, a line each. The extension decides the format.
+  /// `comments` go into the header, a line each.
+  static absl::StatusOr<PointFileWriter> Create(const std::filesystem::path& path, PointFileFormat format,
+                                                CoordinateType coordinates, std::vector<std::string> comments = {});
+  /// The same; the extension decides the format.
   static absl::StatusOr<PointFileWriter> Create(const std::filesystem::path& path, CoordinateType coordinates,
                                                 std::vector<std::string> comments = {});
 

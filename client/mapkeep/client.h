@@ -80,6 +80,10 @@ class Client {
   absl::StatusOr<MapInfo> GetMap(std::string_view name) const;
   absl::StatusOr<std::vector<MapInfo>> ListMaps() const;
   absl::Status DeleteMap(std::string_view name) const;
+  /// Makes a map of all the blocks that `next` gives, in order of their keys, until it gives none. The map is there
+  /// when this has succeeded. ALREADY_EXISTS if the name is taken; errors of `next` are passed on.
+  absl::StatusOr<MapInfo> ImportMap(const NewMap& map,
+                                    const std::function<absl::StatusOr<std::vector<Block>>()>& next) const;
   /// The voxel that holds `point`, metres relative to the origin. NOT_FOUND if it was never hit.
   absl::StatusOr<VoxelInfo> QueryVoxel(std::string_view map, const Eigen::Vector3d& point) const;
 
@@ -90,10 +94,11 @@ class Client {
   absl::Status RemoveTag(std::string_view map, std::string_view tag) const;
   absl::StatusOr<RollbackInfo> RollBackMap(std::string_view map, uint64_t epoch) const;
   /// Streams the blocks that differ between two epochs (`after` nothing: the newest): `begin` once, with the later one,
-  /// then `change` for each. Stops with the error that a callback returns.
-  absl::Status CompareEpochs(std::string_view map, uint64_t before, std::optional<uint64_t> after,
-                             const std::function<absl::Status(const MapSnapshot&)>& begin,
-                             const std::function<absl::Status(const BlockChangeInfo&)>& change) const;
+  /// then `change` for each; gives the objects that the changes make up. Stops with the error that a callback returns.
+  absl::StatusOr<ChangedObjectsInfo> CompareEpochs(
+      std::string_view map, uint64_t before, std::optional<uint64_t> after,
+      const std::function<absl::Status(const MapSnapshot&)>& begin,
+      const std::function<absl::Status(const BlockChangeInfo&)>& change) const;
 
   // Upkeep of the daemon's store; directories are on its machine. These may take hours.
   absl::StatusOr<VerificationInfo> VerifyMap(std::string_view map) const;

@@ -38,7 +38,38 @@ absl::StatusOr<BlockChangeInfo> FromWire(const v1::BlockChange& wire) {
     if (!block.ok()) return block.status();
     change.disappeared = *std::move(block);
   }
+  if (wire.has_unstable()) {
+    absl::StatusOr<Block> block = mapkeep::FromWire(wire.unstable());
+    if (!block.ok()) return block.status();
+    change.unstable = *std::move(block);
+  }
   return change;
+}
+
+absl::StatusOr<ChangeClass> FromWire(v1::ChangeClass change) {
+  switch (change) {
+    case v1::CHANGE_CLASS_APPEARED:
+      return ChangeClass::kAppeared;
+    case v1::CHANGE_CLASS_DISAPPEARED:
+      return ChangeClass::kDisappeared;
+    case v1::CHANGE_CLASS_UNSTABLE:
+      return ChangeClass::kUnstable;
+    default:
+      return absl::DataLossError("the server sent a change of an unknown class");
+  }
+}
+
+absl::StatusOr<ChangedObjectsInfo> FromWire(const v1::ChangedObjects& wire) {
+  ChangedObjectsInfo objects{.objects = {}, .too_many = wire.too_many()};
+  for (const v1::ChangedObject& object : wire.objects()) {
+    const absl::StatusOr<ChangeClass> change = FromWire(object.change());
+    if (!change.ok()) return change.status();
+    objects.objects.push_back({.change = *change,
+                               .voxels = object.voxels(),
+                               .box = {mapkeep::FromWire(object.box().min()), mapkeep::FromWire(object.box().max())},
+                               .centre = mapkeep::FromWire(object.centre())});
+  }
+  return objects;
 }
 
 }  // namespace
@@ -90,9 +121,10 @@ absl::StatusOr<RollbackInfo> Client::RollBackMap(std::string_view map, uint64_t 
                       {response.brought_back().begin(), response.brought_back().end()}};
 }
 
-absl::Status Client::CompareEpochs(std::string_view map, uint64_t before, std::optional<uint64_t> after,
-                                   const std::function<absl::Status(const MapSnapshot&)>& begin,
-                                   const std::function<absl::Status(const BlockChangeInfo&)>& change) const {
+absl::StatusOr<ChangedObjectsInfo> Client::CompareEpochs(
+    std::string_view map, uint64_t before, std::optional<uint64_t> after,
+    const std::function<absl::Status(const MapSnapshot&)>& begin,
+    const std::function<absl::Status(const BlockChangeInfo&)>& change) const {
   absl::Status status = connection_->WaitForServer();
   if (!status.ok()) return status;
   v1::CompareEpochsRequest request;
@@ -102,22 +134,28 @@ absl::Status Client::CompareEpochs(std::string_view map, uint64_t before, std::o
   grpc::ClientContext context;
   const auto stream = connection_->maps().CompareEpochs(&context, request);
   bool begun = false;
+  std::optional<ChangedObjectsInfo> objects;
   for (v1::CompareEpochsResponse response; status.ok() && stream->Read(&response);) {
     if (response.has_header() && !begun) {
       begun = true;
       status = begin(mapkeep::FromWire(response.header()));
-    } else if (response.has_change() && begun) {
+    } else if (response.has_change() && begun && !objects) {
       const absl::StatusOr<BlockChangeInfo> received = FromWire(response.change());
       status = received.ok() ? change(*received) : received.status();
+    } else if (response.has_objects() && begun && !objects) {
+      absl::StatusOr<ChangedObjectsInfo> received = FromWire(response.objects());
+      status = received.status();
+      if (received.ok()) objects = *std::move(received);
     } else {
-      status = absl::DataLossError("the server's stream does not begin with one header");
+      status = absl::DataLossError("the server's stream is not a header, changes, and objects");
     }
   }
   if (!status.ok()) context.TryCancel();
   const absl::Status finished = connection_->StatusOf(stream->Finish());
   if (!status.ok()) return status;
-  if (finished.ok() && !begun) return absl::DataLossError("the server's stream holds no header");
-  return finished;
+  if (!finished.ok()) return finished;
+  if (!objects) return absl::DataLossError("the server's stream ended without the objects");
+  return *std::move(objects);
 }
 
 }  // namespace mapkeep

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/changes/changed_objects.h"
 #include "core/voxels/block.h"
 
 namespace mapkeep {
@@ -51,9 +52,15 @@ struct RollbackInfo {
   std::vector<std::string> rolled_back, brought_back;  ///< sessions
 };
 
-/// Static voxels of one block that only one of two epochs has.
+/// What changed in one block between two epochs; see BlockChange in proto/.
 struct BlockChangeInfo {
-  std::optional<Block> appeared, disappeared;
+  std::optional<Block> appeared, disappeared, unstable;
+};
+
+/// The objects that a comparison's changes make up, the largest first.
+struct ChangedObjectsInfo {
+  std::vector<ChangedObject> objects;
+  bool too_many = false;  ///< more voxels differ than are grouped: there are no objects
 };
 
 /// What a check of a map found; see VerifyMapResponse.
@@ -89,8 +96,8 @@ struct VoxelInfo {
 /// The state of a map that a stream of blocks shows.
 struct MapSnapshot {
   uint64_t epoch = 0;
-  double voxel_size = 0;  ///< metres
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  double voxel_size = 0;                  ///< metres
+  std::optional<Eigen::Vector3d> origin;  ///< nothing: the map has none
   std::string crs;
 };
 

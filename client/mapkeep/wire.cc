@@ -138,10 +138,9 @@ SessionInfo FromWire(const v1::Session& session) {
 }
 
 MapSnapshot FromWire(const v1::TileStreamHeader& header) {
-  return {.epoch = header.epoch(),
-          .voxel_size = header.voxel_size(),
-          .origin = FromWire(header.origin()),
-          .crs = header.crs()};
+  MapSnapshot snapshot{.epoch = header.epoch(), .voxel_size = header.voxel_size(), .origin = {}, .crs = header.crs()};
+  if (header.has_origin()) snapshot.origin = FromWire(header.origin());
+  return snapshot;
 }
 
 absl::StatusOr<Pose> FromWire(const v1::Pose& pose) {
@@ -234,6 +233,27 @@ v1::CreateMapRequest ToWire(const NewMap& map) {
   if (map.origin.has_value()) ToWire(*map.origin, request.mutable_origin());
   request.set_crs(map.crs);
   return request;
+}
+
+v1::VoxelBlock ToWire(const Block& block) {
+  v1::VoxelBlock wire;
+  const VoxelIndex index = BlockIndexOf(block.key);
+  wire.set_x(index.x);
+  wire.set_y(index.y);
+  wire.set_z(index.z);
+  for (const Voxel& voxel : block.voxels) {
+    wire.add_positions(voxel.position);
+    wire.add_hits(voxel.hits);
+    wire.add_exposures(voxel.exposures);
+    wire.mutable_flags()->push_back(static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0)));
+    wire.mutable_means()->append(voxel.mean.begin(), voxel.mean.end());
+    wire.mutable_normals()->append(voxel.normal.begin(), voxel.normal.end());
+    wire.mutable_intensities()->push_back(static_cast<char>(voxel.intensity));
+    wire.add_masks(voxel.mask);
+    wire.add_first_seen(voxel.first_seen);
+    wire.add_last_seen(voxel.last_seen);
+  }
+  return wire;
 }
 
 }  // namespace mapkeep

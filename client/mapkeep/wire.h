@@ -30,5 +30,6 @@ v1::InitialPose ToWire(const KnownStart& start);
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire);
 void ToWire(const Pose& pose, v1::Pose* wire);
 v1::CreateMapRequest ToWire(const NewMap& map);
+v1::VoxelBlock ToWire(const Block& block);
 
 }  // namespace mapkeep

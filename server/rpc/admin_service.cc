@@ -15,9 +15,9 @@
 #include "server/names.h"
 #include "server/pipeline/replay.h"
 #include "server/rpc/answer.h"
+#include "server/scratch_directory.h"
 #include "storage/collector.h"
 #include "storage/map_copy.h"
-#include "storage/map_rows.h"
 #include "storage/overlay_engine.h"
 #include "storage/rocksdb_engine.h"
 
@@ -44,23 +44,6 @@ absl::Status CheckBlock(const Block& block) {
   }
   return absl::OkStatus();
 }
-
-// A directory of this daemon's own, removed at the end.
-class ScratchDirectory final {
- public:
-  explicit ScratchDirectory(const std::string& data)
-      : path_(fs::path(data) / absl::StrFormat("replay-%016x", Random64())) {}
-  ~ScratchDirectory() {
-    std::error_code error;
-    fs::remove_all(path_, error);
-  }
-  ScratchDirectory(const ScratchDirectory&) = delete;
-  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
-  std::string path() const { return path_.string(); }
-
- private:
-  fs::path path_;
-};
 
 absl::Status CheckDirectory(const std::string& directory) {
   if (fs::path(directory).is_absolute()) return absl::OkStatus();
@@ -197,7 +180,7 @@ absl::Status AdminService::TakeBackup(const v1::RestoreRequest& request, v1::Res
 absl::Status AdminService::Replay(const v1::ReplayMapRequest& request, v1::ReplayMapResponse& response,
                                   const Progress& progress) {
   if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
-  const ScratchDirectory scratch(context_.config.data);
+  const ScratchDirectory scratch(context_.config.data, "replay");
   const auto report = mapkeep::ReplayMap(context_.engine, context_.maps, context_.sessions, context_.config.stages,
                                          request.map(), scratch.path(), progress);
   if (!report.ok()) return report.status();

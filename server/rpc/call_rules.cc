@@ -30,6 +30,7 @@ constexpr CallRule kRules[] = {
     {"MapService/RemoveTag", kOperate, kMap, "map"},
     {"MapService/RollBackMap", kOperate, kMap, "map"},
     {"MapService/CompareEpochs", kRead, kMap, "map"},
+    {"MapService/ImportMap", kOperate, kMap, "header.name"},
     {"SessionService/BeginSession", kUpload, kMap, "map"},
     {"SessionService/UploadScans", kUpload, kMap, "open.map"},
     {"SessionService/CommitSession", kUpload, kMap, "map"},

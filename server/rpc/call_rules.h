@@ -15,7 +15,7 @@ struct CallRule {
   std::string_view method;  ///< "SessionService/BeginSession"
   Access access;
   Scope::Kind scope;
-  std::string_view map;  ///< of kMap: the field that names the map, "open.map" inside the message that opens a stream
+  std::string_view map;  ///< of kMap: the field that names the map, "open.map" or "header.name" inside the message that opens a stream
 };
 
 /// The one table: every method of every service, and nothing else may be called (a test asks the protos for both).

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace mapkeep {
@@ -31,6 +32,18 @@ v1::SessionState ToProto(SessionState state) {
       return v1::SESSION_STATE_ROLLED_BACK;
   }
   return v1::SESSION_STATE_UNSPECIFIED;
+}
+
+v1::ChangeClass ToProto(ChangeClass change) {
+  switch (change) {
+    case ChangeClass::kAppeared:
+      return v1::CHANGE_CLASS_APPEARED;
+    case ChangeClass::kDisappeared:
+      return v1::CHANGE_CLASS_DISAPPEARED;
+    case ChangeClass::kUnstable:
+      return v1::CHANGE_CLASS_UNSTABLE;
+  }
+  return v1::CHANGE_CLASS_UNSPECIFIED;
 }
 
 v1::SessionReport ToProto(const SessionReport& report) {
@@ -134,6 +147,16 @@ v1::Point ToProto(const Eigen::Vector3d& point) {
   return proto;
 }
 
+v1::ChangedObject ToProto(const ChangedObject& object) {
+  v1::ChangedObject proto;
+  proto.set_change(ToProto(object.change));
+  proto.set_voxels(object.voxels);
+  *proto.mutable_box()->mutable_min() = ToProto(Eigen::Vector3d(object.box.min()));
+  *proto.mutable_box()->mutable_max() = ToProto(Eigen::Vector3d(object.box.max()));
+  *proto.mutable_centre() = ToProto(object.centre);
+  return proto;
+}
+
 absl::StatusOr<Eigen::Vector3d> FromProto(const v1::Point& point, const std::string& what) {
   const Eigen::Vector3d value(point.x(), point.y(), point.z());
   if (!value.allFinite()) return absl::InvalidArgumentError(absl::StrCat(what, ": a coordinate is not finite"));
@@ -199,6 +222,58 @@ std::optional<v1::VoxelBlock> ToProto(const Block& block, const std::optional<Vo
   proto.set_normals(std::move(normals));
   proto.set_intensities(std::move(intensities));
   return proto;
+}
+
+absl::StatusOr<Block> FromProto(const v1::VoxelBlock& proto) {
+  constexpr uint32_t kPositions = kBlockSize * kBlockSize * kBlockSize;
+  const auto wrong = [&proto](std::string_view what) {
+    return absl::InvalidArgumentError(absl::StrFormat("block (%d, %d, %d): %s", proto.x(), proto.y(), proto.z(), what));
+  };
+  constexpr int32_t kLimit = kVoxelLimit >> kBlockBits;
+  for (const int32_t c : {proto.x(), proto.y(), proto.z()}) {
+    if (c < -kLimit || c >= kLimit) return wrong("its index is out of range");
+  }
+  const auto count = static_cast<size_t>(proto.positions_size());
+  if (count == 0) return wrong("it has no voxels");
+  const auto fits = [count](auto size, size_t entries_a_voxel) {
+    return static_cast<size_t>(size) == count * entries_a_voxel;
+  };
+  if (!fits(proto.hits_size(), 1) || !fits(proto.exposures_size(), 1) || !fits(proto.flags().size(), 1) ||
+      !fits(proto.means().size(), 3) || !fits(proto.normals().size(), 2) || !fits(proto.intensities().size(), 1) ||
+      !fits(proto.masks_size(), 1) || !fits(proto.first_seen_size(), 1) || !fits(proto.last_seen_size(), 1)) {
+    return wrong("its columns differ in length");
+  }
+  Block block{BlockKeyOf(VoxelIndex{proto.x(), proto.y(), proto.z()}), {}};
+  block.voxels.reserve(count);
+  const auto byte = [](const std::string& bytes, size_t i) { return static_cast<uint8_t>(bytes[i]); };
+  for (size_t i = 0; i < count; ++i) {
+    const int row = static_cast<int>(i);
+    const uint32_t position = proto.positions(row);
+    if (position >= kPositions || (row > 0 && position <= proto.positions(row - 1))) {
+      return wrong("its positions are not sorted");
+    }
+    if (std::max(proto.hits(row), proto.exposures(row)) > std::numeric_limits<uint16_t>::max()) {
+      return wrong("a count is out of range");
+    }
+    const Voxel voxel{
+        .position = static_cast<uint16_t>(position),
+        .hits = static_cast<uint16_t>(proto.hits(row)),
+        .exposures = static_cast<uint16_t>(proto.exposures(row)),
+        .ground = (byte(proto.flags(), i) & 1) != 0,
+        .is_static = (byte(proto.flags(), i) & 2) != 0,
+        .mean = {byte(proto.means(), 3 * i), byte(proto.means(), 3 * i + 1), byte(proto.means(), 3 * i + 2)},
+        .normal = {byte(proto.normals(), 2 * i), byte(proto.normals(), 2 * i + 1)},
+        .intensity = byte(proto.intensities(), i),
+        .mask = proto.masks(row),
+        .first_seen = proto.first_seen(row),
+        .last_seen = proto.last_seen(row)};
+    // What holds of every voxel that a merge has made.
+    if (voxel.hits < kCountScale / 4) return wrong("a voxel was hit in less than a quarter of a scan");
+    if (voxel.mask == 0) return wrong("a voxel holds no point");
+    if (voxel.first_seen > voxel.last_seen) return wrong("a voxel was last seen before it was first");
+    block.voxels.push_back(voxel);
+  }
+  return block;
 }
 
 double SecondsSince1970(uint32_t minutes_since_2000) { return kSecondsBetween1970And2000 + 60.0 * minutes_since_2000; }

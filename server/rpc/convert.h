@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "core/changes/changed_objects.h"
 #include "core/geometry/pose.h"
 #include "core/voxels/block.h"
 #include "mapkeep/v1/map_service.pb.h"
@@ -20,6 +21,7 @@ v1::Map ToProto(const Snapshot& snapshot);
 v1::Session ToProto(const SessionRecord& session, const std::optional<StageProgress>& progress);
 v1::Pose ToProto(const Pose& pose);
 v1::Point ToProto(const Eigen::Vector3d& point);
+v1::ChangedObject ToProto(const ChangedObject& object);
 
 /// INVALID_ARGUMENT naming `what` if a coordinate is not finite.
 absl::StatusOr<Eigen::Vector3d> FromProto(const v1::Point& point, const std::string& what);
@@ -44,6 +46,10 @@ absl::StatusOr<VoxelRange> FromProto(const v1::Box& box, double voxel_size);
 /// The block's voxels that are in the range (all: no range), or nothing if there is none; only static ones unless
 /// `include_all`.
 std::optional<v1::VoxelBlock> ToProto(const Block& block, const std::optional<VoxelRange>& range, bool include_all);
+
+/// INVALID_ARGUMENT naming the block if it is none that a map can have: columns of different lengths, positions that
+/// are not sorted, an index out of range, no voxels, a voxel that was hardly hit or holds no point.
+absl::StatusOr<Block> FromProto(const v1::VoxelBlock& block);
 
 /// Seconds since 1970 (UTC) of minutes since 2000-01-01 UTC.
 double SecondsSince1970(uint32_t minutes_since_2000);

@@ -5,6 +5,7 @@
 #include "server/names.h"
 #include "server/rpc/answer.h"
 #include "server/rpc/epoch_comparison.h"
+#include "server/rpc/map_import.h"
 #include "server/rpc/map_service.h"
 #include "server/rpc/paging.h"
 #include "storage/rolled_back_sessions.h"
@@ -69,6 +70,13 @@ grpc::ServerWriteReactor<v1::CompareEpochsResponse>* MapService::CompareEpochs(
     grpc::CallbackServerContext* call, const v1::CompareEpochsRequest* request) {
   return Admitted<grpc::ServerWriteReactor<v1::CompareEpochsResponse>>(
       context_.gate, *call, *request, [&](const Call&) { return NewEpochComparison(context_, *request); });
+}
+
+grpc::ServerReadReactor<v1::ImportMapRequest>* MapService::ImportMap(grpc::CallbackServerContext* call,
+                                                                     v1::ImportMapResponse* response) {
+  return Admitted<grpc::ServerReadReactor<v1::ImportMapRequest>>(
+      context_.gate, *call, v1::ImportMapRequest(),
+      [&](Call admitted) { return NewMapImport(context_, std::move(admitted), response); });
 }
 
 absl::Status MapService::Versions(const v1::ListVersionsRequest& request, v1::ListVersionsResponse& response) {

@@ -54,7 +54,7 @@ grpc::ServerUnaryReactor* MapService::QueryVoxel(grpc::CallbackServerContext* ca
   return Answer(call, context_, *request, [=, this] { return Query(*request, *response); });
 }
 
-absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response) {
+absl::StatusOr<MapRecord> NewMapRecord(const v1::CreateMapRequest& request) {
   if (absl::Status status = CheckName("map name", request.name()); !status.ok()) return status;
   if (absl::Status status = CheckCrs(request.crs()); !status.ok()) return status;
   MapRecord record{
@@ -69,6 +69,13 @@ absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateM
     if (!origin.ok()) return origin.status();
     record.origin = *origin;
   }
+  return record;
+}
+
+absl::Status MapService::Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response) {
+  const absl::StatusOr<MapRecord> made = NewMapRecord(request);
+  if (!made.ok()) return made.status();
+  const MapRecord& record = *made;
   const std::unique_lock alone(context_.map_lifetimes);
   if (absl::IsNotFound(context_.maps.Find(record.name).status())) {
     // A daemon that ended while it deleted a map of this name may have left sessions of it.

@@ -5,6 +5,9 @@
 
 namespace mapkeep {
 
+/// The map that a request describes, with the defaults filled in. INVALID_ARGUMENT naming the field.
+absl::StatusOr<MapRecord> NewMapRecord(const v1::CreateMapRequest& request);
+
 /// Maps: see proto/mapkeep/v1/map_service.proto.
 class MapService final : public v1::MapService::CallbackService {
  public:
@@ -30,6 +33,9 @@ class MapService final : public v1::MapService::CallbackService {
                                         v1::RollBackMapResponse* response) override;
   grpc::ServerWriteReactor<v1::CompareEpochsResponse>* CompareEpochs(grpc::CallbackServerContext* call,
                                                                      const v1::CompareEpochsRequest* request) override;
+
+  grpc::ServerReadReactor<v1::ImportMapRequest>* ImportMap(grpc::CallbackServerContext* call,
+                                                           v1::ImportMapResponse* response) override;
 
  private:
   absl::Status Create(const v1::CreateMapRequest& request, v1::CreateMapResponse& response);

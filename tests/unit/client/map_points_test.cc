@@ -15,8 +15,8 @@ Block OneVoxel() {
 
 std::vector<Eigen::Vector3d> PointsOf(PointDetail detail, const std::optional<Eigen::AlignedBox3d>& box) {
   std::vector<Eigen::Vector3d> points;
-  ForEachPoint(OneVoxel(), 0.2, detail, box, [&points](const Eigen::Vector3d& point, float intensity) {
-    EXPECT_FLOAT_EQ(intensity, 0.2F);
+  ForEachPoint(OneVoxel(), 0.2, detail, box, [&points](const Eigen::Vector3d& point, const Voxel& voxel) {
+    EXPECT_FLOAT_EQ(IntensityOf(voxel), 0.2F);
     points.push_back(point);
   });
   return points;
