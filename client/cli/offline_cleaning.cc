@@ -57,8 +57,9 @@ absl::Status ForEachInParallel(size_t first, size_t count, const std::function<a
 class Scans {
  public:
   explicit Scans(const SessionDirectory& directory) : directory_(directory) {
-    uint64_t bytes = 0;
+    uint64_t bytes = directory.bytes;
     for (const fs::path& file : directory.files) {
+      if (directory.bytes > 0) break;
       std::error_code error;
       const uintmax_t size = fs::file_size(file, error);
       if (!error) bytes += size;

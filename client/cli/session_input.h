@@ -9,14 +9,15 @@
 
 namespace mapkeep {
 
-/// The arguments by which a command is given a session directory.
+/// The arguments by which a command is given a session.
 struct SessionInput {
   std::string directory;
-  std::string format;  ///< empty: told by what is in the directory
+  std::string format;  ///< empty: told by what is there
+  SessionOptions options;
   std::string frames;  ///< empty: all
 };
 
-/// Adds DIR, --format and --frames to a command.
+/// Adds DIR, --format, --frames and what chooses in recordings to a command.
 void AddSessionInput(CLI::App& command, SessionInput& input);
 
 /// Opens the directory as the arguments say. Every error is the user's (exit 2).

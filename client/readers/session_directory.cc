@@ -15,23 +15,47 @@
 #include "client/readers/elite.h"
 #include "client/readers/kitti.h"
 #include "client/readers/kth.h"
+#include "client/readers/mulran.h"
+#include "client/readers/recorded_session.h"
+#include "client/readers/recording.h"
+#include "client/readers/scan_files.h"
 
 namespace mapkeep {
 namespace {
 
 namespace fs = std::filesystem;
 
+using Options = SessionOptions;
+
 struct LayoutReader {
   SessionLayout layout;
   std::string_view name;
-  std::string_view folder;  ///< by which the layout is told
-  absl::StatusOr<SessionDirectory> (*open)(const fs::path& directory);
+  std::string_view needs;  ///< for people
+  bool (*is)(const fs::path& path);
+  absl::StatusOr<SessionDirectory> (*open)(const fs::path& path, const Options& options);
+  bool has_point_times = false;
 };
 
-constexpr std::array<LayoutReader, 3> kLayouts = {{
-    {SessionLayout::kKitti, "kitti", "velodyne", OpenKitti},
-    {SessionLayout::kElite, "elite", "Scans", OpenElite},
-    {SessionLayout::kKth, "kth", "pcd", OpenKth},
+bool HasFolder(const fs::path& path, const char* folder) {
+  std::error_code error;
+  return fs::is_directory(path / folder, error);
+}
+
+/// Whether a directory holds files of this suffix.
+bool HasFiles(const fs::path& path, std::string_view suffix) { return ListScanFiles(path, suffix).ok(); }
+
+constexpr std::array<LayoutReader, 6> kLayouts = {{
+    {SessionLayout::kKitti, "kitti", "velodyne/", [](const fs::path& path) { return HasFolder(path, "velodyne"); },
+     [](const fs::path& path, const Options&) { return OpenKitti(path); }},
+    {SessionLayout::kElite, "elite", "Scans/", [](const fs::path& path) { return HasFolder(path, "Scans"); },
+     [](const fs::path& path, const Options&) { return OpenElite(path); }},
+    {SessionLayout::kKth, "kth", "pcd/", [](const fs::path& path) { return HasFolder(path, "pcd"); },
+     [](const fs::path& path, const Options&) { return OpenKth(path); }},
+    {SessionLayout::kMulran, "mulran", "Ouster/ and global_pose.csv", IsMulran, OpenMulran, true},
+    {SessionLayout::kRosBag, "rosbag", "*.bag",
+     [](const fs::path& path) { return IsRosBag(path) || HasFiles(path, ".bag"); }, OpenRosBagSession, true},
+    {SessionLayout::kMcap, "mcap", "*.mcap",
+     [](const fs::path& path) { return IsMcap(path) || HasFiles(path, ".mcap"); }, OpenMcapSession, true},
 }};
 
 const LayoutReader& ReaderOf(SessionLayout layout) { return kLayouts[static_cast<size_t>(layout)]; }
@@ -41,19 +65,24 @@ constexpr double kUsualScanRate = 10;
 
 std::string Folders() {
   return absl::StrJoin(kLayouts, ", ", [](std::string* out, const LayoutReader& reader) {
-    absl::StrAppendFormat(out, "%s/ (%s)", reader.folder, reader.name);
+    absl::StrAppendFormat(out, "%s (%s)", reader.needs, reader.name);
   });
 }
 
 absl::StatusOr<SessionLayout> Detect(const fs::path& path) {
   std::vector<SessionLayout> found;
-  std::error_code error;
   for (const LayoutReader& reader : kLayouts) {
-    if (fs::is_directory(path / reader.folder, error)) found.push_back(reader.layout);
+    if (reader.is(path)) found.push_back(reader.layout);
+  }
+  std::error_code error;
+  if (found.empty() && !fs::is_directory(path, error)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path.string(), ": neither a ROS 1 bag nor an MCAP file, nor a session directory with one of ", Folders()));
   }
   if (found.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path.string(), ": not a session directory: expected one of ", Folders(), " in it"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        path.string(), ": not a session directory: expected one of ", Folders(), " in it",
+        HasFiles(path, ".db3") ? "; SQLite bags of ROS 2 first go through `ros2 bag convert` to mcap" : ""));
   }
   if (found.size() > 1) {
     return absl::InvalidArgumentError(
@@ -116,28 +145,31 @@ absl::StatusOr<SessionLayout> LayoutNamed(std::string_view name) {
       absl::StrFormat("no session layout is called '%s': expected one of %s", name, Folders()));
 }
 
-absl::StatusOr<SessionDirectory> OpenSessionDirectory(const fs::path& path, std::optional<SessionLayout> layout) {
+absl::StatusOr<SessionDirectory> OpenSessionDirectory(const fs::path& path, const SessionOptions& options) {
   std::error_code error;
-  if (!fs::is_directory(path, error)) {
-    return absl::NotFoundError(absl::StrCat(path.string(), ": no such directory"));
-  }
+  if (!fs::exists(path, error)) return absl::NotFoundError(absl::StrCat(path.string(), ": no such file or directory"));
+  std::optional<SessionLayout> layout = options.layout;
   if (!layout.has_value()) {
     absl::StatusOr<SessionLayout> detected = Detect(path);
     if (!detected.ok()) return detected.status();
     layout = *detected;
   }
-  absl::StatusOr<SessionDirectory> directory = ReaderOf(*layout).open(path);
+  const LayoutReader& reader = ReaderOf(*layout);
+  if (options.deskew && !reader.has_point_times) {
+    return AtFile(path, absl::StrFormat("layout %s has no times of points: --deskew is not for it", reader.name));
+  }
+  absl::StatusOr<SessionDirectory> directory = reader.open(path, options);
   if (!directory.ok()) return directory;
   directory->path = path;
   directory->layout = *layout;
   const size_t count = directory->files.size();
   if (directory->poses.size() != count) {
-    return AtFile(path / "poses.txt", absl::StrFormat("%d poses for %d scans in %s/", directory->poses.size(), count,
-                                                      ReaderOf(*layout).folder));
+    return AtFile(path / "poses.txt",
+                  absl::StrFormat("%d poses for %d scans in %s", directory->poses.size(), count, reader.needs));
   }
   if (!directory->times.empty() && directory->times.size() != count) {
-    return AtFile(path / "times.txt", absl::StrFormat("%d times for %d scans in %s/", directory->times.size(), count,
-                                                      ReaderOf(*layout).folder));
+    return AtFile(path / "times.txt",
+                  absl::StrFormat("%d times for %d scans in %s", directory->times.size(), count, reader.needs));
   }
   if (!directory->times.empty() && !CountsFrom1970(directory->times.front())) directory->times.clear();
   absl::StatusOr<Scan> first = directory->read_file(directory->files.front());

@@ -97,6 +97,35 @@ absl::StatusOr<std::vector<double>> ReadTimes(const fs::path& file) {
   return times;
 }
 
+absl::StatusOr<std::vector<TimedPose>> ReadTimedPoses(const fs::path& file) {
+  absl::StatusOr<std::vector<Line>> lines = ReadLines(file);
+  if (!lines.ok()) return lines.status();
+  std::vector<TimedPose> poses;
+  poses.reserve(lines->size());
+  for (const Line& line : *lines) {
+    const std::vector<absl::string_view> words = absl::StrSplit(line.text, absl::ByAnyChar(" \t,"), absl::SkipEmpty());
+    absl::StatusOr<std::vector<double>> numbers = ParseNumbers(file, line, line.text, words.size() == 8 ? 8 : 13);
+    if (!numbers.ok()) return numbers.status();
+    TimedPose timed{.time = numbers->front()};
+    if (numbers->size() == 13) {
+      const absl::StatusOr<Pose> pose = PoseFromRows(std::span<const double, 12>(numbers->data() + 1, 12));
+      if (!pose.ok()) return AtLine(file, line, pose.status().message());
+      timed.pose = *pose;
+    } else {
+      const std::vector<double>& v = *numbers;
+      const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
+      constexpr double kNotUnit = 0.01;
+      if (!(std::abs(rotation.norm() - 1) < kNotUnit) || !std::isfinite(v[1] + v[2] + v[3])) {
+        return AtLine(file, line, "no pose: expected a time, x y z and a unit quaternion qx qy qz qw");
+      }
+      timed.pose.linear() = rotation.normalized().toRotationMatrix();
+      timed.pose.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    }
+    poses.push_back(timed);
+  }
+  return poses;
+}
+
 absl::StatusOr<std::optional<Pose>> ReadCalibration(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) return std::nullopt;

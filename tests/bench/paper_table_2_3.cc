@@ -104,7 +104,7 @@ RemovalScore ScoreByNearestKept(const Scan& truth, std::span<const Eigen::Vector
 }
 
 absl::StatusOr<KthTables> TablesOfKthFolder(const std::filesystem::path& folder) {
-  const absl::StatusOr<SessionDirectory> directory = OpenSessionDirectory(folder, SessionLayout::kKth);
+  const absl::StatusOr<SessionDirectory> directory = OpenSessionDirectory(folder, {.layout = SessionLayout::kKth});
   if (!directory.ok()) return directory.status();
   const absl::StatusOr<Scan> truth = ReadPcdPoints(folder / "gt_cloud.pcd");
   if (!truth.ok()) return truth.status();

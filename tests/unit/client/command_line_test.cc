@@ -112,8 +112,8 @@ TEST(CommandLine, BadSessionsEndWithTwoBeforeAnyServerIsAsked) {
   ExpectError(truncated, 2, "velodyne/000002.bin: truncated: 17 bytes");
   WriteText(directory.path() / "poses.txt", kIdentityRow + "1 0 0\n" + kIdentityRow);
   ExpectError(upload({}), 2, "poses.txt:2: 3 numbers where 12 are expected");
-  ExpectError(RunMapkeep({"session", "upload", "street", "/nowhere"}), 2, "/nowhere: no such directory");
-  ExpectError(RunMapkeep({"clean", "/nowhere", directory.path() / "out"}), 2, "/nowhere: no such directory");
+  ExpectError(RunMapkeep({"session", "upload", "street", "/nowhere"}), 2, "/nowhere: no such file or directory");
+  ExpectError(RunMapkeep({"clean", "/nowhere", directory.path() / "out"}), 2, "/nowhere: no such file or directory");
 }
 
 TEST(CommandLine, AServerThatIsNotThereIsAFailureNamingItsAddress) {

@@ -198,13 +198,13 @@ TEST_F(Kitti, AFileThatVanishesIsNamed) {
 
 TEST(SessionDirectory, WhatIsNoDirectoryIsNamed) {
   EXPECT_THAT(std::string(OpenSessionDirectory("/nowhere/at-all").status().message()),
-              HasSubstr("/nowhere/at-all: no such directory"));
+              HasSubstr("/nowhere/at-all: no such file or directory"));
 }
 
 TEST(SessionDirectory, ADirectoryThatIsNoSessionSaysWhatWasExpected) {
   const TemporaryDirectory directory;
   EXPECT_THAT(std::string(OpenSessionDirectory(directory.path()).status().message()),
-              HasSubstr("expected one of velodyne/ (kitti), Scans/ (elite), pcd/ (kth) in it"));
+              HasSubstr("expected one of velodyne/ (kitti), Scans/ (elite), pcd/ (kth), Ouster/ and"));
 }
 
 TEST(SessionDirectory, TwoLayoutsInOneAskForAChoiceAndTakeIt) {
@@ -213,7 +213,7 @@ TEST(SessionDirectory, TwoLayoutsInOneAskForAChoiceAndTakeIt) {
   std::filesystem::create_directory(directory.path() / "pcd");
   EXPECT_THAT(std::string(OpenSessionDirectory(directory.path()).status().message()),
               HasSubstr("say which with --format"));
-  EXPECT_TRUE(OpenSessionDirectory(directory.path(), SessionLayout::kKitti).ok());
+  EXPECT_TRUE(OpenSessionDirectory(directory.path(), {.layout = SessionLayout::kKitti}).ok());
 }
 
 TEST(SessionDirectory, AFolderWithoutScansIsNamed) {
