@@ -91,7 +91,14 @@ void Print(const std::vector<Written>& sessions, const SimulateArguments& argume
 using Drive = std::function<absl::StatusOr<SimulatedSession>(int session, const DriveParameters& drive)>;
 
 absl::StatusOr<Drive> MakePlace(const SimulateArguments& arguments) {
+  StreetParameters parameters = arguments.street;
+  for (std::optional<int>* session : {&parameters.extension_from, &parameters.fence_until}) {
+    if (session->has_value()) --**session;  // people count from 1
+  }
   if (arguments.city) {
+    if (parameters.extension_from.has_value() || parameters.fence_until.has_value()) {
+      return absl::InvalidArgumentError("--extension-from and --fence-until are for a street, not for a city");
+    }
     if (arguments.street.streets != 1) {
       return absl::InvalidArgumentError("--streets is not for a city, which has four");
     }
@@ -101,7 +108,7 @@ absl::StatusOr<Drive> MakePlace(const SimulateArguments& arguments) {
       return DriveThroughCity(*city, session, drive);
     };
   }
-  absl::StatusOr<Street> made = MakeStreet(arguments.street);
+  absl::StatusOr<Street> made = MakeStreet(parameters);
   if (!made.ok()) return made.status();
   return [street = std::make_shared<const Street>(*std::move(made))](int session, const DriveParameters& drive) {
     return DriveThrough(*street, session, drive);
@@ -187,6 +194,14 @@ void AddSimulateCommand(CommandLine& line) {
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   command->add_flag("--reverse", arguments->drive.reverse, "The robot drives its route the other way round");
+  command
+      ->add_option("--extension-from", arguments->street.extension_from,
+                   "Session, from 1, from which on a house has an extension")
+      ->type_name("N")
+      ->check(CLI::Range(1, 99));
+  command->add_option("--fence-until", arguments->street.fence_until, "Session, from 1, from which on a fence is gone")
+      ->type_name("N")
+      ->check(CLI::Range(1, 99));
   command->add_option("--speed", arguments->drive.speed, "Metres a second that the robot drives")
       ->type_name("V")
       ->check(CLI::Range(0.0, 50.0))

@@ -109,6 +109,8 @@ absl::StatusOr<City> MakeCity(const StreetParameters& parameters) {
     row.streets = 1;
     row.repeated = false;
     row.level = true;
+    row.extension_from.reset();
+    row.fence_until.reset();
     absl::StatusOr<StreetParts> parts = BuildStreet(row);
     if (!parts.ok()) return parts.status();
     const auto first_mesh = static_cast<uint32_t>(meshes.size());
@@ -129,8 +131,13 @@ absl::StatusOr<City> MakeCity(const StreetParameters& parameters) {
   City city{parameters.seed, *caster, {}};
   for (size_t k = 0; k < built.size(); ++k) {
     const auto next_id = static_cast<uint32_t>(k * kIdsARow + built[k].fixed.size() + 1);
-    city.rows.push_back({{of_rows[k], std::move(built[k].ground), *caster, std::move(built[k].shared),
-                          std::move(built[k].fixed), next_id},
+    city.rows.push_back({{of_rows[k],
+                          std::move(built[k].ground),
+                          *caster,
+                          std::move(built[k].shared),
+                          std::move(built[k].fixed),
+                          {},
+                          next_id},
                          places[k]});
   }
   return city;

@@ -24,7 +24,8 @@ struct City {
   std::vector<Row> rows;
 };
 
-/// `parameters.streets`, `repeated` and `level` are the city's own affair. INVALID_ARGUMENT naming the parameter.
+/// `parameters.streets`, `repeated` and `level` are the city's own affair, and it knows no extension_from or
+/// fence_until. INVALID_ARGUMENT naming the parameter.
 absl::StatusOr<City> MakeCity(const StreetParameters& parameters);
 
 /// Metres of one round along the middle of the roads, corners cut by their turns.

@@ -149,11 +149,28 @@ std::optional<ObjectState> SiteState(uint64_t seed, int session, double change_r
   return std::nullopt;
 }
 
+/// Nothing while it is not there and was not in the session before.
+std::optional<ObjectState> StateOf(const PlannedObject& planned, int session) {
+  const auto stands = [&](int at) {
+    return at >= 0 && (!planned.from || at >= *planned.from) && (!planned.until || at < *planned.until);
+  };
+  // In the first session nothing is new.
+  const bool now = stands(session), before = session == 0 ? now : stands(session - 1);
+  if (now) return before ? ObjectState::kStanding : ObjectState::kBuilt;
+  return before ? std::optional(ObjectState::kTornDown) : std::nullopt;
+}
+
 }  // namespace
 
 Occupancy OccupancyOf(const Street& street, int session) {
   Occupancy occupancy;
   uint32_t next_id = street.next_id;
+  for (const PlannedObject& planned : street.planned) {
+    const std::optional<ObjectState> state = StateOf(planned, session);
+    if (!state.has_value()) continue;
+    occupancy.constructions.push_back(planned.object);
+    occupancy.constructions.back().state = *state;
+  }
   for (const StreetPlan& plan : street.ground.plans()) {
     for (size_t i = 0; i < plan.sites.size(); ++i, ++next_id) {
       const uint64_t seed = SeedOf(SeedOf(plan.seed, kSitePart), i);

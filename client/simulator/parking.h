@@ -17,7 +17,7 @@ struct ParkedVehicle {
 /// What changes between sessions, in one of them.
 struct Occupancy {
   std::vector<ParkedVehicle> vehicles;     ///< kParked, kArrived, kMoved, and kLeft for what is gone
-  std::vector<SceneObject> constructions;  ///< kStanding, kBuilt, and kTornDown for what is gone
+  std::vector<SceneObject> constructions;  ///< kStanding, kBuilt, and kTornDown for what is gone; planned ones too
   uint32_t next_id = 1;                    ///< free for what only passes
 };
 

@@ -81,6 +81,11 @@ class PartialDirectory {
   fs::path path_, partial_;
 };
 
+absl::Status CannotBeWritten(SessionLayout layout) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("layout ", std::string(NameOf(layout)), " is read, not written: expected kitti, elite or kth"));
+}
+
 std::string NumberOf(size_t index) { return absl::StrFormat("%06d", index); }
 
 absl::Status WriteKittiScan(const LabelledScan& labelled, const fs::path& directory, size_t index) {
@@ -132,6 +137,8 @@ absl::Status WriteScans(const SimulatedSession& session, const fs::path& directo
         status =
             WriteKthScan(*labelled, session.odometry[i], directory / "pcd" / (NumberOf(i) + ".pcd"), encoding, *truth);
         break;
+      default:
+        return CannotBeWritten(layout);
     }
     if (!status.ok()) return status;
   }
@@ -147,14 +154,16 @@ std::vector<const char*> FoldersOf(SessionLayout layout) {
       return {"Scans"};
     case SessionLayout::kKth:
       return {"pcd"};
+    default:
+      return {};
   }
-  return {};
 }
 
 }  // namespace
 
 absl::Status WriteSession(const SimulatedSession& session, const fs::path& directory, SessionLayout layout,
                           PcdEncoding encoding, const Progress& progress) {
+  if (FoldersOf(layout).empty()) return CannotBeWritten(layout);
   absl::StatusOr<PartialDirectory> created = PartialDirectory::Create(directory);
   if (!created.ok()) return created.status();
   const fs::path& partial = created->partial();

@@ -23,7 +23,8 @@ using Make = TriangleMesh (*)(uint64_t seed);
 /// Collects meshes and what stands where.
 class Builder {
  public:
-  Builder(const Ground& ground, const StreetParameters& parameters) : ground_(ground), level_(parameters.level) {
+  Builder(const Ground& ground, const StreetParameters& parameters)
+      : ground_(ground), parameters_(parameters), level_(parameters.level) {
     const auto shelf = [&](Make make, size_t count) {
       std::vector<uint32_t> meshes;
       for (size_t i = 0; i < count; ++i) meshes.push_back(Add(make(SeedOf(parameters.seed, next_shape_++))));
@@ -49,6 +50,7 @@ class Builder {
 
   std::vector<TriangleMesh> meshes;
   std::vector<SceneObject> objects;
+  std::vector<PlannedObject> planned;  ///< their ids are given at the end
   SharedMeshes shared;
 
  private:
@@ -105,6 +107,7 @@ class Builder {
         break;
       case LotKind::kPark:
         AddAlong(ObjectKind::kFence, begin + 1, kBuildingLine + 0.3, lot.side, width - 6, lot.seed);
+        if (plan.begin == ground_.plans().front().begin) PlanPark(begin, lot);
         AddHouse(middle, 34, lot.side, width + 4, lot.seed);
         for (int i = 0; i < 6; ++i) {
           AddTree(begin + width * (i + random.Uniform(0.2, 0.8)) / 6, lot.side * random.Uniform(11, 26), random);
@@ -114,6 +117,28 @@ class Builder {
         break;
       case LotKind::kBridge:
         break;
+    }
+  }
+
+  /// What is built and torn down in the park, once each.
+  void PlanPark(double begin, const Lot& lot) {
+    if (parameters_.fence_until.has_value()) {
+      planned.push_back({.object = objects.back(), .from = {}, .until = parameters_.fence_until});
+      objects.pop_back();
+    }
+    if (parameters_.extension_from.has_value()) {
+      // A low annexe against the side of the house where the lot begins.
+      constexpr float kHalf = 2.2F, kDeep = 5, kHigh = 3.2F;
+      TriangleMesh mesh;
+      AddBox(mesh, {-kHalf, 0, -1.5F}, {kHalf, kDeep, kHigh}, Material::kPlaster);
+      AddBox(mesh, {-kHalf - 0.1F, -0.2F, kHigh}, {kHalf + 0.1F, kDeep + 0.1F, kHigh + 0.15F}, Material::kWood);
+      planned.push_back(
+          {.object = {.kind = ObjectKind::kBuilding,
+                      .mesh = Add(std::move(mesh)),
+                      .track = {{0, ground_.UprightAt(begin + kHalf + 0.1, lot.side * (kBuildingLine + 1.2),
+                                                      Facing(lot.side))}}},
+           .from = parameters_.extension_from,
+           .until = {}});
     }
   }
 
@@ -180,6 +205,7 @@ class Builder {
   }
 
   const Ground& ground_;
+  const StreetParameters& parameters_;
   const bool level_;
   uint64_t next_shape_ = 5000;
   std::vector<uint32_t> trees_, lamps_, signs_, bollards_, benches_;
@@ -211,7 +237,7 @@ absl::StatusOr<StreetParts> BuildStreet(const StreetParameters& parameters) {
   Builder builder(ground, parameters);
   for (const StreetPlan& plan : ground.plans()) builder.AddStreet(plan);
   return StreetParts{std::move(ground), std::move(builder.meshes), std::move(builder.shared),
-                     std::move(builder.objects)};
+                     std::move(builder.objects), std::move(builder.planned)};
 }
 
 absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters) {
@@ -219,10 +245,15 @@ absl::StatusOr<Street> MakeStreet(const StreetParameters& parameters) {
   if (!parts.ok()) return parts.status();
   absl::StatusOr<RayCaster> caster = RayCaster::Create(std::move(parts->meshes));
   if (!caster.ok()) return caster.status();
-  const auto next_id = static_cast<uint32_t>(parts->fixed.size() + 1);
-  return Street{
-      parameters, std::move(parts->ground), *std::move(caster), std::move(parts->shared), std::move(parts->fixed),
-      next_id};
+  auto next_id = static_cast<uint32_t>(parts->fixed.size() + 1);
+  for (PlannedObject& planned : parts->planned) planned.object.id = next_id++;
+  return Street{parameters,
+                std::move(parts->ground),
+                *std::move(caster),
+                std::move(parts->shared),
+                std::move(parts->fixed),
+                std::move(parts->planned),
+                next_id};
 }
 
 }  // namespace mapkeep

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <optional>
 #include <set>
 
 namespace mapkeep {
@@ -23,6 +24,29 @@ std::map<uint32_t, SceneObject> ThereIn(const Occupancy& occupancy) {
     if (IsThere(vehicle.object.state)) there.emplace(vehicle.object.id, vehicle.object);
   }
   return there;
+}
+
+TEST(Parking, AnExtensionIsBuiltOnceAndAFenceTornDownOnce) {
+  const auto street = MakeStreet({.seed = 5, .change_rate = 0, .extension_from = 3, .fence_until = 5});
+  ASSERT_TRUE(street.ok()) << street.status();
+  ASSERT_EQ(street->planned.size(), 2U);
+  for (int session = 0; session < 8; ++session) {
+    std::map<uint32_t, ObjectState> states;
+    for (const SceneObject& object : OccupancyOf(*street, session).constructions) states[object.id] = object.state;
+    const auto state = [&](ObjectKind kind) -> std::optional<ObjectState> {
+      for (const PlannedObject& planned : street->planned) {
+        if (planned.object.kind != kind || !states.contains(planned.object.id)) continue;
+        return states[planned.object.id];
+      }
+      return std::nullopt;
+    };
+    EXPECT_EQ(state(ObjectKind::kBuilding), session < 3    ? std::nullopt
+                                            : session == 3 ? std::optional(ObjectState::kBuilt)
+                                                           : std::optional(ObjectState::kStanding));
+    EXPECT_EQ(state(ObjectKind::kFence), session < 5    ? std::optional(ObjectState::kStanding)
+                                         : session == 5 ? std::optional(ObjectState::kTornDown)
+                                                        : std::nullopt);
+  }
 }
 
 TEST(Parking, EveryStateIsWhatTheTwoSessionsSay) {

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <absl/container/flat_hash_map.h>
+#include <absl/container/flat_hash_set.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/simulator/session.h"
+
+namespace mapkeep {
+
+/// Centimetre cells of space, 5 cm an axis: points that are compared within a radius.
+class PointCells {
+ public:
+  void Add(const Eigen::Vector3d& point) { cells_.insert(CellOf(point)); }
+  /// Whether a cell with a point lies within 10 cm of this one's.
+  bool HasNear(const Eigen::Vector3d& point) const;
+  size_t size() const { return cells_.size(); }
+
+ private:
+  friend class LifelongTruth;
+  static uint64_t CellOf(const Eigen::Vector3d& point);
+  absl::flat_hash_set<uint64_t> cells_;
+};
+
+/// One object that changed between two sessions, as truth has it.
+struct TrueChange {
+  uint32_t id = 0;
+  std::string kind;
+  bool appeared = false;  ///< else it went
+  bool required = false;  ///< it was seen well enough to have to be told
+  int parked_days = 0;    ///< sessions that something that went had been there
+  Eigen::AlignedBox3d box;
+};
+
+/// Right and wrong points.
+struct PointScore {
+  uint64_t right = 0, all = 0;
+  double Percent() const { return all == 0 ? 100 : 100.0 * static_cast<double>(right) / static_cast<double>(all); }
+  void Add(bool is_right) {
+    ++all;
+    right += is_right ? 1 : 0;
+  }
+};
+
+/// A map's static points against one day's truth.
+struct DayScore {
+  PointScore statics;                  ///< SA: what stands, and has stood for two sessions, is in the map
+  PointScore dynamics;                 ///< DA: what moved, or left two sessions ago or earlier, is not
+  PointScore just_left, just_arrived;  ///< of today's changes: how much of them the map follows at once
+  std::map<int, PointScore> by_days;   ///< of dynamics: what left two sessions ago, by the days that it had been parked
+};
+
+/// The truth about a row of sessions, day by day: what stands, what moved and what has left.
+class LifelongTruth {
+ public:
+  /// The next session, with the labelled points of its scans. Gives what changed since the one before.
+  std::vector<TrueChange> AddDay(const SimulatedSession& session, std::span<const LabelledScan> scans);
+
+  /// Scores the static points of a map after the last session that was added.
+  DayScore Score(const PointCells& map) const;
+
+ private:
+  /// One object through the days.
+  struct Known {
+    int first_day = 0, last_day = 0;  ///< on which it was seen to stand there
+    std::optional<int> gone;          ///< the first day on which it is not there any more
+    Eigen::AlignedBox3d box;
+    std::vector<Eigen::Vector3f> points;  ///< thinned
+    absl::flat_hash_set<uint64_t> cells;  ///< of them
+  };
+  struct Point {
+    Eigen::Vector3f position;
+    uint32_t id = 0;
+  };
+
+  int day_ = -1;
+  PointCells stands_;                 ///< today's static points, all scans
+  std::vector<Point> static_points_;  ///< thinned
+  std::vector<Point> moving_points_;
+  absl::flat_hash_map<uint64_t, Known> known_;  ///< by id and place: what can leave
+};
+
+}  // namespace mapkeep
