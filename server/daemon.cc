@@ -163,6 +163,7 @@ struct Daemon::State {
         std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, &pipeline_events},
                                    PipelineOptions{.threads = config.threads,
                                                    .jobs = config.limits.jobs,
+                                                   .serial_per_map = config.serial_per_map,
                                                    .lease_seconds = static_cast<double>(config.limits.lease_seconds),
                                                    .holder = *holder,
                                                    .stages = config.stages});

@@ -336,16 +336,12 @@ absl::StatusOr<CommitRecord> CommitTo(MapStore::State& store, std::string_view m
 
 absl::StatusOr<std::optional<CommitRecord>> FindCommitIn(const Engine& engine, uint64_t incarnation,
                                                          std::string_view session) {
-  const std::string partition = HeadPartition(incarnation);
-  const auto applied = ReadRow(engine, partition, AppliedRowKey(session), DecodeApplied);
+  const auto applied = ReadRow(engine, HeadPartition(incarnation), AppliedRowKey(session), DecodeApplied);
   if (!applied.ok()) return applied.status();
   if (!*applied) return std::nullopt;
-  auto commit = ReadRow(engine, partition, CommitRowKey((*applied)->value.epoch), DecodeCommit);
+  absl::StatusOr<CommitRecord> commit = ReadCommit(engine, incarnation, (*applied)->value.epoch);
   if (!commit.ok()) return commit.status();
-  if (!*commit) {
-    return absl::DataLossError(Text("the record of session ", session, "'s commit is missing"));
-  }
-  return std::optional((*commit)->value);
+  return std::optional(*std::move(commit));
 }
 
 }  // namespace mapkeep
