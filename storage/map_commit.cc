@@ -157,7 +157,8 @@ class Committer {
                                                  {IntentRowKey(intent_.attempt), intent_row_}};
       const std::vector<Mutation> mutations = {{IntentRowKey(intent_.attempt), bytes},
                                                {StagedRowKey(id), EncodeRow(staged)}};
-      last = store_.engine.CompareAndSet(partition_, conditions, mutations);
+      // It is to be found only if the values are, which are written after it.
+      last = store_.engine.CompareAndSetBuffered(partition_, conditions, mutations);
       if (last.ok()) {
         intent_ = next;
         intent_row_ = bytes;
