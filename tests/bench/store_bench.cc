@@ -116,18 +116,25 @@ class Bench {
     for (const int copies : {1, 10, 50, 200}) {
       if (copies > most_copies_) break;
       GrowTo(copies);
-      std::vector<double> seconds;
-      const std::clock_t cpu = std::clock();
-      for (int run = 0; run < kRuns; ++run) seconds.push_back(CommitSession());
-      const double cpu_seconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / kRuns;
+      std::vector<double> seconds, cpu_seconds;
+      for (int run = 0; run < kRuns; ++run) {
+        const Spent spent = CommitSession();
+        seconds.push_back(spent.seconds);
+        cpu_seconds.push_back(spent.cpu_seconds);
+      }
       const double median = Median(seconds);
-      if (copies == 1) first_ = median;
+      const double cpu = Median(cpu_seconds);
+      if (copies == 1) {
+        first_ = median;
+        first_cpu_ = cpu;
+      }
       const auto head = Require(maps_->Open("m"));
       std::printf(
-          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f), "
+          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f, %.2f of 1x), "
           "%.2f million voxels/s merged\n",
           copies, static_cast<unsigned long long>(head->totals().voxels), 1e3 * median, median / first_,
-          1e3 * merge_seconds_, 1e3 * cpu_seconds, 1e-6 * static_cast<double>(session_.voxels.size()) / median);
+          1e3 * merge_seconds_, 1e3 * cpu, cpu / first_cpu_,
+          1e-6 * static_cast<double>(session_.voxels.size()) / median);
     }
     OldEpochs();
     if (most_copies_ >= 10) ManyEpochs();
@@ -190,12 +197,18 @@ class Bench {
     for (; copies_ < copies; ++copies_) Commit([this](const Snapshot&) { return Area(copies_); });
   }
 
-  double CommitSession() {
+  // Of all threads together; the CPU time does not depend on what else the machine does.
+  struct Spent {
+    double seconds = 0, cpu_seconds = 0;
+  };
+
+  Spent CommitSession() {
     session_ = SessionOver(Area(0), 1000 + commits_);
     const auto base = Require(maps_->Open("m"));
     const ScanSource none{0, {}};
     const MergeInput input{*base, session_, none, {}, {}, {}};
     const auto began = Clock::now();
+    const std::clock_t cpu = std::clock();
     Commit([&](const Snapshot& head) -> absl::StatusOr<std::vector<Block>> {
       const auto merging = Clock::now();
       auto merged = MergeIntoMap(head, input, {}, {}, {});
@@ -203,7 +216,7 @@ class Bench {
       if (!merged.ok()) return merged.status();
       return std::move(merged->changed);
     });
-    return SecondsSince(began);
+    return {SecondsSince(began), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
   }
 
   // Seconds to read every tile of the first square in a random order, with nothing in the caches of the store.
@@ -263,7 +276,7 @@ class Bench {
   std::unique_ptr<MapStore> maps_;
   SessionMap session_;
   int copies_ = 0, commits_ = 0;
-  double first_ = 0, merge_seconds_ = 0;
+  double first_ = 0, first_cpu_ = 0, merge_seconds_ = 0;
 };
 
 int Run(int count, char** arguments) {
