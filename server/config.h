@@ -85,8 +85,9 @@ struct Config {
   std::string data = "mapkeep-data";
   Endpoint listen{"127.0.0.1", 7443};
   Endpoint admin{"127.0.0.1", 7444};
-  Endpoint http;    ///< no host: off
-  int threads = 0;  ///< of the pipeline's parallel loops; 0: all cores
+  Endpoint http;                ///< no host: off
+  int threads = 0;              ///< of the pipeline's parallel loops; 0: all cores
+  bool serial_per_map = false;  ///< a map's sessions are merged strictly in the order of CommitSession
   LogFormat log_format = LogFormat::kText;
   std::string ports_file;  ///< empty: none
   Security security;

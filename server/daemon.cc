@@ -4,9 +4,11 @@
 #include <absl/strings/str_format.h>
 
 #include <chrono>
+#include <condition_variable>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <shared_mutex>
@@ -55,6 +57,17 @@ absl::Status WriteFile(const fs::path& file, const std::string& text) {
   return absl::OkStatus();
 }
 
+// How often watchers of sessions look whether another daemon has changed them.
+constexpr std::chrono::seconds kLookElsewhere{2};
+
+// What a replay left that a kill cut off.
+void RemoveScratch(const fs::path& data) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(data, error)) {
+    if (entry.path().filename().string().starts_with("replay-")) fs::remove_all(entry.path(), error);
+  }
+}
+
 // This daemon's name on leases: made once for a data directory, so that a restart goes on with its own jobs at once.
 absl::StatusOr<std::string> HolderName(const fs::path& data) {
   const fs::path file = data / "daemon_id";
@@ -94,6 +107,7 @@ struct Daemon::State {
   std::unique_ptr<Housekeeping> housekeeping;
   std::unique_ptr<QuotaWatch> quota_watch;
   std::unique_ptr<ServiceNotice> notice;
+  std::jthread look_elsewhere;  ///< for sessions that other daemons on the pool work on
   bool stopped = false;
 
   ~State() { metrics.ForgetSources(); }  // the admin listener still answers while the parts go
@@ -118,6 +132,15 @@ struct Daemon::State {
     return absl::OkStatus();
   }
 
+  void LookElsewhere(const std::stop_token& stop) {
+    std::mutex mutex;
+    std::condition_variable_any never;
+    std::unique_lock lock(mutex);
+    while (!never.wait_for(lock, stop, kLookElsewhere, [&stop] { return stop.stop_requested(); })) {
+      feed.LookElsewhere();
+    }
+  }
+
   absl::StatusOr<std::unique_ptr<Engine>> OpenEngine() const {
     const EngineConfig& given = config.engine;
     if (given.choice == EngineChoice::kRados) {
@@ -140,6 +163,7 @@ struct Daemon::State {
     std::error_code error;
     fs::create_directories(config.data, error);
     if (error) return absl::UnavailableError(absl::StrFormat("--data %s: %s", config.data, error.message()));
+    RemoveScratch(config.data);
     auto opened = OpenEngine();
     if (!opened.ok()) return opened.status();
     engine = Metered(*std::move(opened), metrics);
@@ -167,6 +191,7 @@ struct Daemon::State {
         std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, &pipeline_events},
                                    PipelineOptions{.threads = config.threads,
                                                    .jobs = config.limits.jobs,
+                                                   .serial_per_map = config.serial_per_map,
                                                    .lease_seconds = static_cast<double>(config.limits.lease_seconds),
                                                    .holder = *holder,
                                                    .stages = config.stages});
@@ -178,6 +203,9 @@ struct Daemon::State {
     rpc = *std::move(started);
     std::function<absl::Status()> take_over;
     if (config.engine.choice == EngineChoice::kRados) take_over = [this] { return pipeline->ResumeUnfinished(); };
+    if (config.engine.choice == EngineChoice::kRados) {
+      look_elsewhere = std::jthread([this](const std::stop_token& stop) { LookElsewhere(stop); });
+    }
     housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history, std::move(take_over),
                                                   config.limits.lease_seconds);
     AddMetrics();
@@ -282,6 +310,7 @@ void Daemon::Stop() {
   std::this_thread::sleep_for(std::chrono::seconds(state_->config.limits.drain_seconds));
   state_->housekeeping.reset();
   state_->quota_watch.reset();
+  state_->look_elsewhere = {};
   state_->pipeline->Close();
   state_->rpc->Shutdown(std::chrono::seconds(state_->config.limits.shutdown_seconds));
   state_->metrics.ForgetSources();

@@ -184,6 +184,10 @@ std::vector<Setting> MakeSettings() {
       Address("admin", MAPKEEP_FIELD(admin), false, "HTTP /livez, /readyz and /metrics, on threads of its own"),
       Address("http", MAPKEEP_FIELD(http), true, "Pages and tiles over HTTP; not served by this version"),
       Integer("threads", MAPKEEP_FIELD(threads), 0, 1024, "Threads of the pipeline's parallel loops; 0: all cores"),
+      Boolean(
+          "serial_per_map", MAPKEEP_FIELD(serial_per_map),
+          "Merge a map's sessions strictly in the order of CommitSession, also if they are on several daemons or one "
+          "is put off: the same sessions then give the same map, whatever fails meanwhile"),
       Format("Form of the log lines on standard error"),
       Path("ports_file", MAPKEEP_FIELD(ports_file), true, "a file, or nothing",
            "Written as JSON once serving: the ports that were picked"),

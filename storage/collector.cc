@@ -15,6 +15,7 @@
 #include "storage/map_purge.h"
 #include "storage/map_rows.h"
 #include "storage/map_values.h"
+#include "storage/sealed_history.h"
 #include "storage/session_cleanup.h"
 
 namespace mapkeep {
@@ -79,7 +80,8 @@ class MapCollector {
     if (absl::Status status = ReadTagged(*oldest); !status.ok()) return status;
     const absl::StatusOr<uint64_t> pinned = LowestPin(*oldest);
     if (!pinned.ok()) return pinned.status();
-    return DropSuperseded(*pinned);
+    if (absl::Status status = DropSuperseded(*pinned); !status.ok()) return status;
+    return SealHistory(engine_, incarnation_);
   }
 
  private:
@@ -174,9 +176,9 @@ class MapCollector {
   absl::StatusOr<uint64_t> FirstYoung(uint64_t from, uint64_t end) {
     if (options_.keep_seconds <= 0) return end;
     for (uint64_t epoch = from; epoch < end; ++epoch) {
-      const auto next = ReadRow(engine_, partition_, CommitRowKey(epoch + 1), DecodeCommit);
+      const auto next = FindCommitRecord(engine_, incarnation_, epoch + 1);
       if (!next.ok()) return next.status();
-      if (*next && (*next)->value.time > options_.now() - options_.keep_seconds) return epoch;
+      if (*next && (*next)->time > options_.now() - options_.keep_seconds) return epoch;
     }
     return end;
   }

@@ -68,6 +68,12 @@ class Engine {
   virtual absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
                                      std::span<const Mutation> mutations) = 0;
 
+  /// CompareAndSet, but durable only with the next durable write: for what need not outlive what is written after it.
+  virtual absl::Status CompareAndSetBuffered(std::string_view partition, std::span<const Condition> conditions,
+                                             std::span<const Mutation> mutations) {
+    return CompareAndSet(partition, conditions, mutations);
+  }
+
   /// Writes values that nobody changes afterwards, together under one group (a tile, a session): not atomic, durable
   /// with the next durable write. The same values may be written again.
   virtual absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) = 0;

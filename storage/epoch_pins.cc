@@ -11,6 +11,7 @@ namespace mapkeep {
 namespace {
 
 constexpr int kTries = 16;
+constexpr uint64_t kUnpinned = UINT64_MAX;  ///< generation of holds that have no pin
 
 }  // namespace
 
@@ -45,7 +46,9 @@ absl::StatusOr<std::unique_ptr<EpochPins::Hold>> EpochPins::Pin(uint64_t incarna
   Reader& reader = ReaderOf(incarnation);
   const std::scoped_lock lock(reader.mutex);
   if (!Covers(reader, epoch) || now_() + seconds_ / 4 >= reader.row->value.expires) {
-    if (absl::Status status = Place(incarnation, reader, epoch); !status.ok()) return status;
+    const absl::Status placed = Place(incarnation, reader, epoch);
+    if (absl::IsResourceExhausted(placed)) return std::make_unique<Hold>(*this, incarnation, epoch, kUnpinned);
+    if (!placed.ok()) return placed;
   }
   reader.open.insert(epoch);
   return std::make_unique<Hold>(*this, incarnation, epoch, reader.generation);

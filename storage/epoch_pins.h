@@ -25,8 +25,10 @@ namespace mapkeep {
 /// Why it is safe: a pin is written by a compare-and-set that requires the oldest epoch unchanged, and the collector
 /// raises the oldest epoch before it reads the pins; so a pin is either refused or seen. A pin past its lease is
 /// deleted by the collector with a compare-and-set before it goes further, and renewing one requires that it is there.
-/// A tagged epoch below the oldest may be pinned, too: that requires the tags unchanged, and the collector reads the
-/// tags before the pins, so that it sees the tag or the pin.
+/// On a full disk, which takes no pins, epochs are read without: the collector gets no further there either, and should
+/// it once there is space again, the hold does not stand and whoever misses a value says so. A tagged epoch below the
+/// oldest may be pinned, too: that requires the tags unchanged, and the collector reads the tags before the pins, so
+/// that it sees the tag or the pin.
 class EpochPins final {
  public:
   /// `engine` outlives it. A pin that is not renewed expires after `seconds`.

@@ -157,7 +157,8 @@ class Committer {
                                                  {IntentRowKey(intent_.attempt), intent_row_}};
       const std::vector<Mutation> mutations = {{IntentRowKey(intent_.attempt), bytes},
                                                {StagedRowKey(id), EncodeRow(staged)}};
-      last = store_.engine.CompareAndSet(partition_, conditions, mutations);
+      // It is to be found only if the values are, which are written after it.
+      last = store_.engine.CompareAndSetBuffered(partition_, conditions, mutations);
       if (last.ok()) {
         intent_ = next;
         intent_row_ = bytes;
@@ -336,16 +337,12 @@ absl::StatusOr<CommitRecord> CommitTo(MapStore::State& store, std::string_view m
 
 absl::StatusOr<std::optional<CommitRecord>> FindCommitIn(const Engine& engine, uint64_t incarnation,
                                                          std::string_view session) {
-  const std::string partition = HeadPartition(incarnation);
-  const auto applied = ReadRow(engine, partition, AppliedRowKey(session), DecodeApplied);
+  const auto applied = ReadRow(engine, HeadPartition(incarnation), AppliedRowKey(session), DecodeApplied);
   if (!applied.ok()) return applied.status();
   if (!*applied) return std::nullopt;
-  auto commit = ReadRow(engine, partition, CommitRowKey((*applied)->value.epoch), DecodeCommit);
+  absl::StatusOr<CommitRecord> commit = ReadCommit(engine, incarnation, (*applied)->value.epoch);
   if (!commit.ok()) return commit.status();
-  if (!*commit) {
-    return absl::DataLossError(Text("the record of session ", session, "'s commit is missing"));
-  }
-  return std::optional((*commit)->value);
+  return std::optional(*std::move(commit));
 }
 
 }  // namespace mapkeep

@@ -9,6 +9,7 @@
 #include "storage/map_history.h"
 #include "storage/map_purge.h"
 #include "storage/map_store_state.h"
+#include "storage/sealed_history.h"
 #include "storage/session_cleanup.h"
 #include "storage/text.h"
 
@@ -30,6 +31,9 @@ class Copier {
   absl::Status CopyAll(const Progress& progress) {
     if (absl::Status status = CopyRow(kHeadRow); !status.ok()) return status;
     if (absl::Status status = CopyRow(kOldestRow); !status.ok()) return status;
+    const absl::StatusOr<uint64_t> sealed = SealedEpochs(from_, source_);
+    if (!sealed.ok()) return sealed.status();
+    if (absl::Status status = CopySegments(*sealed); !status.ok()) return status;
     for (const std::string_view prefix : kHistory) {
       const std::string end = prefix.back() == '/' ? EndOf(prefix) : Text(prefix, std::string(1, '\0'));
       if (absl::Status status = CopyRows(prefix, end); !status.ok()) return status;
@@ -82,7 +86,7 @@ class Copier {
     const std::string row = EncodeRow(state);
     rows_ = {
         {std::string(kHeadRow), row}, {RootRow(state.epoch), row}, {std::string(kOldestRow), EncodeRow(state.epoch)}};
-    if (absl::Status status = CopyRows(CommitRowKey(0), CommitRowKey(state.epoch + 1)); !status.ok()) return status;
+    if (absl::Status status = CopyRecords(state.epoch); !status.ok()) return status;
     const auto history = CompareHistories(from_, source_, state.epoch, 0);
     if (!history.ok()) return history.status();
     for (const CommitRecord& commit : history->only_a) {
@@ -94,6 +98,35 @@ class Copier {
   }
 
  private:
+  /// The segments of sealed records up to an epoch with which one ends.
+  absl::Status CopySegments(uint64_t end) {
+    for (uint64_t first = 1; first <= end; first += kSegmentEpochs) {
+      absl::StatusOr<std::string> value = from_.GetValue(HistoryGroup(source_), SegmentKey(first));
+      if (!value.ok()) return value.status();
+      const ImmutableValue copied{SegmentKey(first), *std::move(value)};
+      const absl::Status put = to_.PutValues(HistoryGroup(target_), {&copied, 1});
+      if (!put.ok()) return put;
+    }
+    if (end > 0) rows_.push_back({std::string(kSealedRow), EncodeRow(end)});
+    return absl::OkStatus();
+  }
+
+  /// The records up to an epoch: whole segments as they are, the rest as rows.
+  absl::Status CopyRecords(uint64_t epoch) {
+    const absl::StatusOr<uint64_t> sealed = SealedEpochs(from_, source_);
+    if (!sealed.ok()) return sealed.status();
+    const uint64_t whole = std::min(*sealed, epoch) / kSegmentEpochs * kSegmentEpochs;
+    if (absl::Status status = CopySegments(whole); !status.ok()) return status;
+    for (uint64_t next = whole + 1; next <= epoch; ++next) {
+      const absl::StatusOr<CommitRecord> commit = ReadCommit(from_, source_, next);
+      if (!commit.ok()) return commit.status();
+      rows_.push_back({CommitRowKey(next), EncodeRow(*commit)});
+      if (rows_.size() < kRowsAtOnce) continue;
+      if (absl::Status status = FlushRows(); !status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
   absl::Status CopyRow(std::string_view key) {
     absl::StatusOr<std::optional<std::string>> row = from_.Get(HeadPartition(source_), key);
     if (!row.ok()) return row.status();

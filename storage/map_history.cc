@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "storage/map_store_state.h"
+#include "storage/sealed_history.h"
 #include "storage/text.h"
 
 namespace mapkeep {
@@ -34,10 +35,10 @@ absl::StatusOr<MapVersion> ReadVersion(const Engine& engine, uint64_t incarnatio
 }  // namespace
 
 absl::StatusOr<CommitRecord> ReadCommit(const Engine& engine, uint64_t incarnation, uint64_t epoch) {
-  auto commit = ReadRow(engine, HeadPartition(incarnation), CommitRowKey(epoch), DecodeCommit);
+  absl::StatusOr<std::optional<CommitRecord>> commit = FindCommitRecord(engine, incarnation, epoch);
   if (!commit.ok()) return commit.status();
   if (!*commit) return absl::DataLossError(Text("the record of the commit of epoch ", epoch, " is missing"));
-  return std::move((*commit)->value);
+  return **std::move(commit);
 }
 
 absl::StatusOr<bool> IsAncestor(const Engine& engine, uint64_t incarnation, uint64_t epoch, const EpochState& state) {

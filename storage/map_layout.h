@@ -21,7 +21,7 @@ namespace mapkeep {
 //     head                        EpochRow, the newest: what a commit compares
 //     root/<epoch>                EpochRow of every epoch that can be read
 //     oldest                      the oldest epoch that may be opened (absent: 0)
-//     commit/<epoch>              CommitRow
+//     commit/<epoch>              CommitRow; old ones are sealed, see sealed_history.h
 //     applied/<session>           AppliedRow: this session is in the map
 //     withdrawn/<session>/<attempt> WithdrawnRow: this commit of it was rolled back
 //     unsettled/<session>         random bits: a rollback took the session out or in, and its record may not say so yet

@@ -9,6 +9,7 @@
 
 #include "storage/map_rows.h"
 #include "storage/map_values.h"
+#include "storage/sealed_history.h"
 
 namespace mapkeep {
 namespace {
@@ -91,6 +92,16 @@ absl::Status DropStaged(Engine& engine, uint64_t incarnation, const std::string&
   return absl::OkStatus();
 }
 
+absl::Status DropSegments(Engine& engine, uint64_t incarnation) {
+  const std::string group = HistoryGroup(incarnation);
+  std::vector<std::string> keys;
+  const absl::Status scanned = engine.ScanValueKeys(group, "", "", [&keys](std::string_view key) {
+    keys.emplace_back(key);
+    return true;
+  });
+  return scanned.ok() ? engine.DeleteValues(group, keys) : scanned;
+}
+
 absl::StatusOr<bool> HasLiveIntent(const Engine& engine, const std::string& partition, double now) {
   const auto rows = RowsOf(engine, partition, "intent/");
   if (!rows.ok()) return rows.status();
@@ -133,6 +144,7 @@ absl::StatusOr<bool> PurgeMap(Engine& engine, uint64_t incarnation, double now) 
     if (!dropped.ok()) return dropped;
   }
   if (*busy) return false;
+  if (absl::Status status = DropSegments(engine, incarnation); !status.ok()) return status;
   if (absl::Status status = DropRows(engine, partition); !status.ok()) return status;
   return true;
 }

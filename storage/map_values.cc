@@ -10,15 +10,20 @@
 namespace mapkeep {
 namespace {
 
-/// A value that a tree names must be there.
+std::string Describe(const ValueName& name) {
+  if (name.kind != ValueKind::kBlock) return Text("tree node ", Hex(name.place));
+  const VoxelIndex block = BlockIndexOf(BlockKey{name.place});
+  return Text("block (", block.x, ", ", block.y, ", ", block.z, ")");
+}
+
+/// A value that a tree names must be there, and whole.
 absl::StatusOr<std::string> ReadValue(const Engine& engine, uint64_t incarnation, const ValueName& name) {
   absl::StatusOr<std::string> value = engine.GetValue(GroupOf(incarnation, name), KeyOf(name));
-  if (!absl::IsNotFound(value.status())) return value;
-  if (name.kind != ValueKind::kBlock) {
-    return absl::DataLossError(Text("tree node ", Hex(name.place), " is missing"));
+  if (absl::IsNotFound(value.status())) return absl::DataLossError(Text(Describe(name), " is missing"));
+  if (absl::IsDataLoss(value.status())) {
+    return absl::DataLossError(Text(Describe(name), ": ", FromAbsl(value.status().message())));
   }
-  const VoxelIndex block = BlockIndexOf(BlockKey{name.place});
-  return absl::DataLossError(Text("block (", block.x, ", ", block.y, ", ", block.z, ") is missing"));
+  return value;
 }
 
 }  // namespace

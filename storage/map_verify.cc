@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "storage/map_store_state.h"
+#include "storage/sealed_history.h"
 #include "storage/text.h"
 
 namespace mapkeep {
@@ -48,10 +49,8 @@ class Verifier {
 
   absl::Status ListStored() {
     std::set<std::string> groups = {TreeGroup(incarnation_)};
-    absl::Status status = ForEachRow("commit/", [&](std::string_view bytes) {
-      const absl::StatusOr<CommitRecord> commit = DecodeCommit(bytes);
-      if (!commit.ok()) return commit.status();
-      for (const TileKey tile : commit->touched_tiles) groups.insert(TileGroup(incarnation_, tile));
+    absl::Status status = ForEachCommit(engine_, incarnation_, [&](const CommitRecord& commit) {
+      for (const TileKey tile : commit.touched_tiles) groups.insert(TileGroup(incarnation_, tile));
       return absl::OkStatus();
     });
     for (auto group = groups.begin(); status.ok() && group != groups.end(); ++group) {

@@ -25,6 +25,9 @@ namespace {
 
 constexpr size_t kMaxNameLength = 1000;
 constexpr size_t kMutexes = 64;
+constexpr size_t kBatchBytes = size_t{8} << 20;
+constexpr char kValueKeys[] = "value_keys";
+constexpr char kListedKey[] = "value_keys_are_complete";  // in the default family
 
 bool IsFull(const rocksdb::Status& status) {
   return status.IsNoSpace() || status.subcode() == rocksdb::Status::SubCode::kSpaceLimit;
@@ -80,10 +83,12 @@ class RocksDbEngine final : public Engine {
   using Handles = std::vector<rocksdb::ColumnFamilyHandle*>;
 
   RocksDbEngine(std::unique_ptr<rocksdb::DB> db, const Handles& handles)
-      : db_(std::move(db)), default_(handles[0]), rows_(handles[1]), values_(handles[2]) {}
+      : db_(std::move(db)), default_(handles[0]), rows_(handles[1]), values_(handles[2]), value_keys_(handles[3]) {}
 
   ~RocksDbEngine() override {
-    for (rocksdb::ColumnFamilyHandle* handle : {default_, rows_, values_}) db_->DestroyColumnFamilyHandle(handle);
+    for (rocksdb::ColumnFamilyHandle* handle : {default_, rows_, values_, value_keys_}) {
+      db_->DestroyColumnFamilyHandle(handle);
+    }
     db_->Close();
   }
 
@@ -108,24 +113,34 @@ class RocksDbEngine final : public Engine {
 
   absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
                              std::span<const Mutation> mutations) override {
-    if (absl::Status status = CheckName(partition); !status.ok()) return status;
-    const std::scoped_lock lock(MutexOf(partition));
-    for (const Condition& condition : conditions) {
-      absl::StatusOr<std::optional<std::string>> found = Get(partition, condition.key);
-      if (!found.ok()) return found.status();
-      if (*found == condition.value) continue;
-      const char* difference = !condition.value ? "exists" : *found ? "has changed" : "is absent";
-      return absl::AbortedError(Text("row ", absl::Utf8SafeCEscape(condition.key), " of ",
-                                     absl::Utf8SafeCEscape(ToAbsl(partition)), " ", difference));
-    }
-    return Apply(BatchOf(partition, mutations), Durability::kDurable, Describe("compare-and-set", partition, ""));
+    return CompareAndSet(partition, conditions, mutations, Durability::kDurable);
+  }
+
+  absl::Status CompareAndSetBuffered(std::string_view partition, std::span<const Condition> conditions,
+                                     std::span<const Mutation> mutations) override {
+    return CompareAndSet(partition, conditions, mutations, Durability::kBuffered);
   }
 
   absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) override {
     if (absl::Status status = CheckName(group); !status.ok()) return status;
     rocksdb::WriteBatch batch;
-    for (const ImmutableValue& value : values) batch.Put(values_, KeyOf(group, value.key), value.value);
+    Add(group, values, batch);
     return Apply(std::move(batch), Durability::kBuffered, Describe("write values", group, ""));
+  }
+
+  /// In few batches: one takes its turn in the log only once.
+  absl::Status PutGroups(std::span<const ValueGroup> groups) override {
+    rocksdb::WriteBatch batch;
+    for (const ValueGroup& group : groups) {
+      if (absl::Status status = CheckName(group.group); !status.ok()) return status;
+      Add(group.group, group.values, batch);
+      if (batch.GetDataSize() < kBatchBytes && &group != &groups.back()) continue;
+      const absl::Status written =
+          Apply(std::move(batch), Durability::kBuffered, Describe("write values", group.group, ""));
+      if (!written.ok()) return written;
+      batch = rocksdb::WriteBatch();
+    }
+    return absl::OkStatus();
   }
 
   absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const override {
@@ -138,13 +153,17 @@ class RocksDbEngine final : public Engine {
   absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {
     if (absl::Status status = CheckName(group); !status.ok()) return status;
     rocksdb::WriteBatch batch;
-    for (const std::string& key : keys) batch.Delete(values_, KeyOf(group, key));
+    for (const std::string& key : keys) {
+      batch.Delete(values_, KeyOf(group, key));
+      batch.Delete(value_keys_, KeyOf(group, key));
+    }
     return Apply(std::move(batch), Durability::kBuffered, Describe("delete values", group, ""));
   }
 
   absl::Status ScanValueKeys(std::string_view group, std::string_view begin, std::string_view end,
                              const std::function<bool(std::string_view)>& row) const override {
-    return ScanFamily(values_, group, begin, end, [&row](std::string_view key, std::string_view) { return row(key); });
+    return ScanFamily(value_keys_, group, begin, end,
+                      [&row](std::string_view key, std::string_view) { return row(key); });
   }
 
   absl::Status Sync() override { return FromRocksDb(db_->SyncWAL(), "sync"); }
@@ -157,7 +176,44 @@ class RocksDbEngine final : public Engine {
     return FromRocksDb(status, Text("checkpoint to ", directory));
   }
 
+  /// Lists the values of a directory that an older program made, which kept no list of them.
+  absl::Status ListValues() {
+    std::string listed;
+    const rocksdb::Status found = db_->Get({}, default_, kListedKey, &listed);
+    if (found.ok()) return absl::OkStatus();
+    if (!found.IsNotFound()) return FromRocksDb(found, "look whether the values are listed");
+    rocksdb::WriteBatch batch;
+    const std::unique_ptr<rocksdb::Iterator> values(db_->NewIterator({}, values_));
+    for (values->SeekToFirst(); values->Valid(); values->Next()) batch.Put(value_keys_, values->key(), {});
+    if (!values->status().ok()) return FromRocksDb(values->status(), "list the values");
+    batch.Put(default_, kListedKey, "");
+    return Apply(std::move(batch), Durability::kDurable, "list the values");
+  }
+
  private:
+  absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
+                             std::span<const Mutation> mutations, Durability durability) {
+    if (absl::Status status = CheckName(partition); !status.ok()) return status;
+    const std::scoped_lock lock(MutexOf(partition));
+    for (const Condition& condition : conditions) {
+      absl::StatusOr<std::optional<std::string>> found = Get(partition, condition.key);
+      if (!found.ok()) return found.status();
+      if (*found == condition.value) continue;
+      const char* difference = !condition.value ? "exists" : *found ? "has changed" : "is absent";
+      return absl::AbortedError(Text("row ", absl::Utf8SafeCEscape(condition.key), " of ",
+                                     absl::Utf8SafeCEscape(ToAbsl(partition)), " ", difference));
+    }
+    return Apply(BatchOf(partition, mutations), durability, Describe("compare-and-set", partition, ""));
+  }
+
+  void Add(std::string_view group, std::span<const ImmutableValue> values, rocksdb::WriteBatch& batch) const {
+    for (const ImmutableValue& value : values) {
+      const std::string key = KeyOf(group, value.key);
+      batch.Put(values_, key, value.value);
+      batch.Put(value_keys_, key, {});
+    }
+  }
+
   static std::string Describe(std::string_view action, std::string_view partition, std::string_view key) {
     return Text(action, " ", absl::Utf8SafeCEscape(ToAbsl(partition)), key.empty() ? "" : " ",
                 absl::CHexEscape(ToAbsl(key)));
@@ -210,7 +266,8 @@ class RocksDbEngine final : public Engine {
   rocksdb::ColumnFamilyHandle* const default_;
   rocksdb::ColumnFamilyHandle* const rows_;
   rocksdb::ColumnFamilyHandle* const values_;
-  std::array<std::mutex, kMutexes> mutexes_;  ///< partitions that share one only wait for each other
+  rocksdb::ColumnFamilyHandle* const value_keys_;  ///< of values_: to list them without reading them
+  std::array<std::mutex, kMutexes> mutexes_;       ///< partitions that share one only wait for each other
   std::atomic<bool> stopped_ = false;
 };
 
@@ -260,7 +317,7 @@ std::vector<rocksdb::ColumnFamilyDescriptor> Families(const RocksDbOptions& opti
   values.blob_garbage_collection_age_cutoff = 0.5;
   values.blob_garbage_collection_force_threshold = 0.5;
 
-  return {{rocksdb::kDefaultColumnFamilyName, {}}, {"rows", rows}, {"values", values}};
+  return {{rocksdb::kDefaultColumnFamilyName, {}}, {"rows", rows}, {"values", values}, {kValueKeys, rows}};
 }
 
 }  // namespace
@@ -273,7 +330,11 @@ absl::StatusOr<std::unique_ptr<Engine>> OpenRocksDbEngine(const std::string& dir
   RocksDbEngine::Handles handles;
   rocksdb::DB* opened = nullptr;
   const rocksdb::Status status = rocksdb::DB::Open(database, directory, Families(options), &handles, &opened);
-  if (status.ok()) return std::make_unique<RocksDbEngine>(std::unique_ptr<rocksdb::DB>(opened), handles);
+  if (status.ok()) {
+    auto engine = std::make_unique<RocksDbEngine>(std::unique_ptr<rocksdb::DB>(opened), handles);
+    if (absl::Status listed = engine->ListValues(); !listed.ok()) return listed;
+    return engine;
+  }
   // RocksDB has no code of its own for this one.
   if (status.IsIOError() && absl::StrContains(status.ToString(), "lock ")) {
     return absl::FailedPreconditionError(

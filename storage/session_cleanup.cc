@@ -52,12 +52,24 @@ absl::StatusOr<uint64_t> FinishCleanupsOf(Engine& engine, std::string_view map) 
   return rows.size();
 }
 
-/// Forgets a map without sessions. A session made meanwhile changes the row, which then stays.
+/// Forgets a map without sessions. A session made meanwhile changes the row, which then stays; one that was even queued
+/// meanwhile changed the newest turn.
 absl::Status ForgetIfEmpty(Engine& engine, std::string_view map, const std::string& row) {
   bool empty = true;
-  absl::Status scanned = engine.Scan(SessionPartition(map), "", "",
-                                     [&empty](std::string_view, std::string_view) { return empty = false; });
+  std::optional<std::string> turn;
+  absl::Status scanned =
+      engine.Scan(SessionPartition(map), "", "", [&](std::string_view key, std::string_view newest_turn) {
+        empty = key == kNewestTurnRow;
+        if (empty) turn = newest_turn;
+        return empty;
+      });
   if (!scanned.ok() || !empty) return scanned;
+  if (turn) {
+    const std::vector<Condition> same = {{std::string(kNewestTurnRow), turn}};
+    const std::vector<Mutation> gone = {{std::string(kNewestTurnRow), std::nullopt}};
+    const absl::Status dropped = engine.CompareAndSet(SessionPartition(map), same, gone);
+    if (!dropped.ok()) return absl::IsAborted(dropped) ? absl::OkStatus() : dropped;
+  }
   const std::vector<Condition> conditions = {{SessionMapRow(map), row}};
   const std::vector<Mutation> mutations = {{SessionMapRow(map), std::nullopt}};
   const absl::Status forgotten = engine.CompareAndSet(kSessionMaps, conditions, mutations);

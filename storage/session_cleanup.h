@@ -19,13 +19,16 @@ namespace mapkeep {
 //     session/<id>                StoredSession
 //     content/<id>                checksums of its scans
 //     created/<microseconds>/<id> the order of listing
-//     active/<microseconds>/<id>  queued or running
+//     active/<microseconds>/<id>  queued or running: its turn
+//     lacking/<microseconds>/<id> refused, and to be tried again when there is more of the map
+//     turn                        the newest turn given to any session of the map
 //     cleanup/<incarnation>/...   SessionCleanup: values that are to go
 //   values "session/<incarnation>"
 //     scan/<index>                see scan_codec.h
 //     poses/<random>/<chunk>      aligned poses
 
 inline constexpr std::string_view kSessionMaps = "sessions";
+inline constexpr std::string_view kNewestTurnRow = "turn";
 std::string SessionMapRow(std::string_view map);
 std::string SessionPartition(std::string_view map);
 std::string SessionRowKey(std::string_view id);

@@ -85,6 +85,7 @@ std::string EncodeSession(const StoredSession& session) {
   row.set_retries(record.retries);
   row.set_staged_bytes(record.staged_bytes);
   row.set_payload_bytes(record.payload_bytes);
+  row.set_turn(record.turn);
   return EncodeRecord(row);
 }
 
@@ -121,6 +122,7 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   record.retries = row->retries();
   record.staged_bytes = row->staged_bytes();
   record.payload_bytes = row->payload_bytes();
+  record.turn = row->turn();
   return session;
 }
 

@@ -3,14 +3,13 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <utility>
 
 #include "storage/map_layout.h"
-#include "storage/map_rows.h"
 #include "storage/scan_codec.h"
+#include "storage/session_change.h"
 #include "storage/session_cleanup.h"
 #include "storage/session_codec.h"
 #include "storage/text.h"
@@ -24,9 +23,11 @@ constexpr size_t kPosesAtOnce = 1024;
 constexpr size_t kRowsAtOnce = 1000;
 constexpr std::string_view kCreatedPrefix = "created/";
 constexpr std::string_view kActivePrefix = "active/";
+constexpr std::string_view kLackingPrefix = "lacking/";
 
 std::string CreatedRow(const SessionRecord& record) { return Text(kCreatedPrefix, SessionPosition(record)); }
 std::string ActiveRow(const SessionRecord& record) { return Text(kActivePrefix, SessionPosition(record)); }
+std::string LackingRow(const SessionRecord& record) { return Text(kLackingPrefix, SessionPosition(record)); }
 
 std::string PoseKey(uint64_t poses, size_t chunk) {
   return Text("poses/", Hex(poses), "/", absl::Hex(chunk, absl::kZeroPad8));
@@ -54,27 +55,15 @@ std::string_view NameOf(SessionState state) {
 
 bool IsActive(SessionState state) { return state == SessionState::kQueued || state == SessionState::kRunning; }
 
-absl::Status NoSession(std::string_view map, std::string_view id) {
-  return absl::NotFoundError(Text("map ", map, " has no session ", id));
+/// Refused, and to be tried again once there is more of the map.
+bool LacksMap(const SessionRecord& record) {
+  return record.state == SessionState::kRefused && record.lacks_map && !record.scans_deleted;
 }
 
-absl::StatusOr<StoredRow<StoredSession>> FindStored(const Engine& engine, std::string_view map, std::string_view id) {
-  auto row = ReadRow(engine, SessionPartition(map), SessionRowKey(id), DecodeSession);
-  if (!row.ok()) return row.status();
-  if (!*row) return NoSession(map, id);
-  (*row)->value.record.map = map;
-  return **std::move(row);
-}
-
-/// The record with its content.
-absl::StatusOr<SessionRecord> FindWhole(const Engine& engine, std::string_view map, std::string_view id) {
-  absl::StatusOr<StoredRow<StoredSession>> stored = FindStored(engine, map, id);
-  if (!stored.ok()) return stored.status();
-  auto content = ReadRow(engine, SessionPartition(map), ContentRowKey(id), DecodeContent);
-  if (!content.ok()) return content.status();
-  if (!*content) return NoSession(map, id);  // deleted since
-  stored->value.record.scan_crc32c = std::move((*content)->value);
-  return std::move(stored->value.record);
+/// The rows by which an active session and one that lacks map are found.
+std::vector<Mutation> Indices(const SessionRecord& record) {
+  return {{ActiveRow(record), IsActive(record.state) ? std::optional(EncodeRow(record.turn)) : std::nullopt},
+          {LackingRow(record), LacksMap(record) ? std::optional("") : std::nullopt}};
 }
 
 absl::Status CompareContent(const SessionRecord& stored, const SessionRecord& given) {
@@ -94,41 +83,6 @@ absl::Status CompareContent(const SessionRecord& stored, const SessionRecord& gi
 absl::Status RememberMap(Engine& engine, std::string_view map) {
   const std::vector<Mutation> row = {{SessionMapRow(map), EncodeRow(Random64())}};
   return engine.Write(kSessionMaps, row, Durability::kDurable);
-}
-
-/// A change to a session's row, with rows and mutations beside it.
-struct Change {
-  StoredSession next;
-  std::vector<Mutation> beside;
-  bool deletes = false;
-};
-using ChangeMaker = std::function<absl::StatusOr<Change>(const StoredSession& found)>;
-
-/// Changes a session by compare-and-set: `make` gives the change to the row as found, or why there is none, and is
-/// asked again when another change came first.
-absl::StatusOr<StoredSession> ChangeSession(Engine& engine, std::string_view map, std::string_view id,
-                                            const ChangeMaker& make) {
-  absl::Status last;
-  std::string wanted;
-  std::optional<StoredSession> deleted;  // by a try that went unanswered
-  for (int i = 0; i < kTries; ++i) {
-    const absl::StatusOr<StoredRow<StoredSession>> found = FindStored(engine, map, id);
-    if (absl::IsNotFound(found.status()) && deleted) return *std::move(deleted);
-    if (!found.ok()) return found.status();
-    if (found->bytes == wanted) return found->value;  // an unanswered try came through
-    absl::StatusOr<Change> change = make(found->value);
-    if (!change.ok()) return change.status();
-    change->next.revision = found->value.revision + 1;
-    wanted = EncodeSession(change->next);
-    std::vector<Mutation> mutations = std::move(change->beside);
-    mutations.push_back({SessionRowKey(id), change->deletes ? std::nullopt : std::optional(wanted)});
-    const std::vector<Condition> conditions = {{SessionRowKey(id), found->bytes}};
-    last = engine.CompareAndSet(SessionPartition(map), conditions, mutations);
-    if (last.ok()) return change->next;
-    if (change->deletes && !absl::IsAborted(last)) deleted = change->next;
-    if (!absl::IsAborted(last) && !absl::IsUnknown(last) && !absl::IsDeadlineExceeded(last)) return last;
-  }
-  return last;
 }
 
 absl::StatusOr<std::vector<ImmutableValue>> EncodeScans(uint32_t first, std::span<const StagedScan> scans) {
@@ -175,6 +129,7 @@ absl::Status DeleteSession(Engine& engine, std::string_view map, std::string_vie
                       {{ContentRowKey(id), std::nullopt},
                        {CreatedRow(found.record), std::nullopt},
                        {ActiveRow(found.record), std::nullopt},
+                       {LackingRow(found.record), std::nullopt},
                        {CleanupRowKey(cleanup), EncodeCleanup(cleanup)}},
                       true};
       });
@@ -203,6 +158,7 @@ absl::StatusOr<SessionRecord> BeginAgain(Engine& engine, std::string_view map, s
         next.record.payload_bytes = 0;
         next.record.scans_deleted = false;
         next.record.ended = 0;
+        next.record.turn = 0;
         next.record.reason.clear();
         next.record.report = {};
         return change;
@@ -309,7 +265,43 @@ absl::StatusOr<std::vector<SessionRecord>> SessionStore::Unfinished() const {
       if (IsActive(session->state)) sessions.push_back(*std::move(session));
     }
   }
-  std::ranges::stable_sort(sessions, {}, &SessionRecord::created);
+  std::ranges::stable_sort(sessions, {}, &SessionRecord::turn);
+  return sessions;
+}
+
+absl::StatusOr<std::optional<std::string>> SessionStore::FirstUnfinished(std::string_view map) const {
+  std::optional<std::string> first;
+  uint64_t lowest = std::numeric_limits<uint64_t>::max();
+  absl::Status decoded;
+  const absl::Status scanned = engine_.Scan(
+      SessionPartition(map), kActivePrefix, EndOf(kActivePrefix), [&](std::string_view key, std::string_view row) {
+        // Rows of programs that knew no turns are empty: their sessions go first.
+        const absl::StatusOr<uint64_t> turn = row.empty() ? absl::StatusOr<uint64_t>(0) : DecodeNumber(row);
+        decoded = turn.status();
+        if (!decoded.ok()) return false;
+        if (*turn < lowest) {
+          lowest = *turn;
+          first = IdIn(key.substr(kActivePrefix.size()));
+        }
+        return true;
+      });
+  if (!scanned.ok()) return scanned;
+  if (!decoded.ok()) return decoded;
+  return first;
+}
+
+absl::StatusOr<std::vector<SessionRecord>> SessionStore::LackingMap(std::string_view map) const {
+  const absl::StatusOr<std::vector<std::string>> positions =
+      NamesAfter(engine_, map, kLackingPrefix, "", std::numeric_limits<size_t>::max());
+  if (!positions.ok()) return positions.status();
+  std::vector<SessionRecord> sessions;
+  for (const std::string& position : *positions) {
+    absl::StatusOr<SessionRecord> session = FindWhole(engine_, map, IdIn(position));
+    if (absl::IsNotFound(session.status())) continue;
+    if (!session.ok()) return session.status();
+    if (LacksMap(*session)) sessions.push_back(*std::move(session));
+  }
+  std::ranges::stable_sort(sessions, {}, &SessionRecord::turn);
   return sessions;
 }
 
@@ -383,8 +375,13 @@ absl::Status SessionStore::Update(const SessionRecord& session, SessionState exp
                          next.initial_pose = session.initial_pose;
                          next.lacks_map = session.lacks_map;
                          next.retries = session.retries;
-                         const bool active = IsActive(next.state);
-                         change.beside.push_back({ActiveRow(next), active ? std::optional("") : std::nullopt});
+                         const bool by_itself = session.retries > found.record.retries;
+                         const bool queued = IsActive(next.state) && !IsActive(expected) && !by_itself;
+                         if (queued || (IsActive(next.state) && next.turn == 0)) {
+                           const absl::Status taken = TakeTurn(engine_, session.map, change);
+                           if (!taken.ok()) return taken;
+                         }
+                         for (Mutation& row : Indices(next)) change.beside.push_back(std::move(row));
                          return change;
                        })
       .status();
@@ -401,12 +398,14 @@ absl::StatusOr<SessionRecord> SessionStore::Requeue(std::string_view map, std::s
         if (found.record.scans_deleted) {
           return absl::FailedPreconditionError(Text("session ", id, ": its scans were deleted, upload it again"));
         }
-        Change change{found, {{ActiveRow(found.record), std::string()}}};
+        Change change{found};
         SessionRecord& next = change.next.record;
         next.state = SessionState::kQueued;
         next.ended = 0;
         next.reason.clear();
         next.report = {};
+        if (absl::Status status = TakeTurn(engine_, map, change); !status.ok()) return status;
+        for (Mutation& row : Indices(next)) change.beside.push_back(std::move(row));
         return change;
       });
   if (!changed.ok()) return changed.status();
@@ -475,6 +474,7 @@ absl::Status SessionStore::DeleteScans(std::string_view map, std::string_view id
         cleanup = {found.incarnation, true, found.scan_count};
         Change change{found, {{CleanupRowKey(cleanup), EncodeCleanup(cleanup)}}};
         change.next.record.scans_deleted = true;
+        change.beside.push_back({LackingRow(found.record), std::nullopt});
         return change;
       });
   return marked.ok() ? FinishCleanup(engine_, map, cleanup) : marked.status();

@@ -57,6 +57,9 @@ struct SessionRecord {
   bool lacks_map = false;     ///< refused, and the map may just not reach there yet
   uint32_t retries = 0;       ///< times that the daemon has tried it again by itself
   uint64_t staged_bytes = 0;  ///< of scans [0, durable_scans), decoded: 16 bytes a point
+  /// Its place in the order of CommitSession: microseconds since 1970 when it was queued, never twice in a map. 0:
+  /// none.
+  uint64_t turn = 0;
 };
 
 /// A scan as it waits for the pipeline, bit for bit: what was uploaded, or what its compressed points decoded to when
@@ -85,8 +88,12 @@ class SessionStore final {
     std::string next;  ///< empty when there is no more
   };
   absl::StatusOr<Page> List(std::string_view map, std::string_view after, size_t limit) const;
-  /// Sessions of any map in state queued or running, oldest first: what a starting daemon goes on with.
+  /// Sessions of any map in state queued or running, by their turns: what a starting daemon goes on with.
   absl::StatusOr<std::vector<SessionRecord>> Unfinished() const;
+  /// The id of the map's queued or running session whose turn is first, if there is one.
+  absl::StatusOr<std::optional<std::string>> FirstUnfinished(std::string_view map) const;
+  /// Refused sessions of the map that lack map and have their scans, by their turns.
+  absl::StatusOr<std::vector<SessionRecord>> LackingMap(std::string_view map) const;
 
   /// Stages scans [first, first + scans.size()), durably when it returns, and moves durable_scans. OUT_OF_RANGE if
   /// `first` is not durable_scans, FAILED_PRECONDITION if the session is not uploading.
@@ -96,12 +103,13 @@ class SessionStore final {
   absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const;
 
   /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
-  /// itself is not taken from `session`: content, durable_scans, payload_bytes, staged_bytes, scans_deleted, created.
+  /// itself is not taken from `session`: content, durable_scans, payload_bytes, staged_bytes, scans_deleted, created, turn. One that becomes queued
+  /// is given the map's next turn, unless the daemon tries it again by itself (`retries` grew): then it keeps its own.
   absl::Status Update(const SessionRecord& session, SessionState expected);
 
   /// Takes a session that was refused, failed or was rolled back back to state queued, without reason and report, and
-  /// gives it as it is then. FAILED_PRECONDITION in any other state, and if its scans were deleted: begin it again,
-  /// then.
+  /// gives it as it is then, with a new turn. FAILED_PRECONDITION in any other state, and if its scans were deleted:
+  /// begin it again, then.
   absl::StatusOr<SessionRecord> Requeue(std::string_view map, std::string_view id);
 
   /// Aligned poses, one a scan, durable when it returns.

@@ -1,10 +1,11 @@
 #include "core/ratio_map/map_filter.h"
 
 #include <algorithm>
-#include <bitset>
+#include <bit>
 #include <cstddef>
-#include <memory>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 #include "core/dor/clusters.h"
 
@@ -24,6 +25,17 @@ bool IsCandidate(const Voxel& voxel, const MapFilterParameters& parameters) {
   return !voxel.ground && StabilityOf(voxel, parameters) < parameters.candidate_threshold;
 }
 
+// The voxels of a block, which are sorted by position, in layers [first, last) of z.
+std::span<const Voxel> Layers(const Block& block, int first, int last) {
+  if (first <= 0 && last >= kBlockSize) return block.voxels;
+  const auto before = [](int layer) {
+    return
+        [position = std::max(layer, 0) << (2 * kBlockBits)](const Voxel& voxel) { return voxel.position < position; };
+  };
+  const auto begin = std::ranges::partition_point(block.voxels, before(first));
+  return {begin, std::ranges::partition_point(begin, block.voxels.end(), before(last))};
+}
+
 // Calls visit(voxel, coordinates from the centre block's corner) for every voxel of the neighbourhood that lies at most
 // `margin` voxels outside the centre block, in a fixed order.
 template <typename Visit>
@@ -32,37 +44,37 @@ void ForEachWithin(const BlockNeighbourhood& blocks, int margin, const Visit& vi
     if (blocks[i] == nullptr) continue;
     const VoxelIndex shift{(i % 3 - 1) * kBlockSize, (i / 3 % 3 - 1) * kBlockSize, (i / 9 - 1) * kBlockSize};
     const auto inside = [margin](int32_t c) { return c >= -margin && c < kBlockSize + margin; };
-    for (const Voxel& voxel : blocks[i]->voxels) {
+    for (const Voxel& voxel : Layers(*blocks[i], -margin - shift.z, kBlockSize + margin - shift.z)) {
       constexpr int kMask = kBlockSize - 1;
       const VoxelIndex at{shift.x + (voxel.position & kMask), shift.y + (voxel.position >> kBlockBits & kMask),
                           shift.z + (voxel.position >> (2 * kBlockBits))};
-      if (inside(at.x) && inside(at.y) && inside(at.z)) visit(voxel, at, i == kCentre);
+      if (inside(at.x) && inside(at.y)) visit(voxel, at, i == kCentre);
     }
   }
 }
 
-// Which voxels of the centre block and one voxel around it are occupied.
+// Which voxels of the centre block and one voxel around it are occupied: a row along x is the bits of one number.
 class Occupancy {
  public:
-  explicit Occupancy(const BlockNeighbourhood& blocks)
-      : cells_(std::make_unique<std::bitset<kEdge * kEdge * kEdge>>()) {
-    ForEachWithin(blocks, 1, [&](const Voxel&, const VoxelIndex& at, bool) { cells_->set(CellOf(at)); });
+  explicit Occupancy(const BlockNeighbourhood& blocks) : rows_(kEdge * kEdge) {
+    ForEachWithin(blocks, 1, [&](const Voxel&, const VoxelIndex& at, bool) {
+      rows_[RowOf(at.y, at.z)] |= uint64_t{1} << (at.x + 1);
+    });
   }
 
   int NeighboursOf(const VoxelIndex& voxel) const {
-    int count = 0;
-    for (const VoxelIndex& at : NeighbourhoodOf(voxel)) count += cells_->test(CellOf(at)) ? 1 : 0;
-    return count - 1;  // the voxel itself
+    int count = -1;  // the voxel itself
+    for (int z = voxel.z - 1; z <= voxel.z + 1; ++z) {
+      for (int y = voxel.y - 1; y <= voxel.y + 1; ++y) count += std::popcount(rows_[RowOf(y, z)] >> voxel.x & 7);
+    }
+    return count;
   }
 
  private:
   static constexpr size_t kEdge = kBlockSize + 2;
-  static size_t CellOf(const VoxelIndex& at) {
-    const auto shifted = [](int32_t c) { return static_cast<size_t>(c + 1); };
-    return shifted(at.x) + kEdge * (shifted(at.y) + kEdge * shifted(at.z));
-  }
+  static size_t RowOf(int32_t y, int32_t z) { return static_cast<size_t>(y + 1) + kEdge * static_cast<size_t>(z + 1); }
 
-  std::unique_ptr<std::bitset<kEdge * kEdge * kEdge>> cells_;
+  std::vector<uint64_t> rows_;
 };
 
 // Eq. 5 over the candidates near the block: for each candidate of the centre block, in its order, whether it goes. One
@@ -99,6 +111,9 @@ std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapF
 }  // namespace
 
 std::vector<bool> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
+  // The ground is neither a candidate nor isolated noise.
+  const bool all_ground = std::ranges::all_of(blocks[kCentre]->voxels, &Voxel::ground);
+  if (all_ground) return std::vector<bool>(blocks[kCentre]->voxels.size(), true);
   const std::vector<bool> dynamic = DynamicCandidates(blocks, parameters);
   const Occupancy occupancy(blocks);
   std::vector<bool> is_static;

@@ -56,11 +56,13 @@ void SetCounts(Voxel& voxel, double hits, double exposures) {
 }
 
 uint8_t WeightedByte(uint8_t a, double weight_a, uint8_t b, double weight_b) {
+  if (a == b) return a;
   return static_cast<uint8_t>(RoundHalfToEven((a * weight_a + b * weight_b) / (weight_a + weight_b)));
 }
 
 std::array<uint8_t, 2> WeightedNormal(const std::array<uint8_t, 2>& a, double weight_a, const std::array<uint8_t, 2>& b,
                                       double weight_b) {
+  if (a == b) return a;
   const Eigen::Vector3d normal_a = DecodeNormal(a), normal_b = DecodeNormal(b);
   if (normal_a.isZero()) return b;
   if (normal_b.isZero()) return a;

@@ -99,6 +99,12 @@ class MeteredEngine final : public Engine {
                  [&] { return engine_->CompareAndSet(partition, conditions, mutations); });
   }
 
+  absl::Status CompareAndSetBuffered(std::string_view partition, std::span<const Condition> conditions,
+                                     std::span<const Mutation> mutations) override {
+    return Timed(compare_and_set_, BytesOf(mutations),
+                 [&] { return engine_->CompareAndSetBuffered(partition, conditions, mutations); });
+  }
+
   absl::Status PutValues(std::string_view group, std::span<const ImmutableValue> values) override {
     return Timed(put_values_, BytesOf(values), [&] { return engine_->PutValues(group, values); });
   }

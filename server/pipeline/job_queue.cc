@@ -4,11 +4,11 @@
 
 namespace mapkeep {
 
-void JobQueue::Push(std::string map, std::string session, bool resumed, double created) {
+void JobQueue::Push(std::string map, std::string session, bool resumed, uint64_t turn) {
   {
     const std::lock_guard lock(mutex_);
     if (closed_ || !known_.emplace(map, session).second) return;
-    auto job = std::make_shared<Job>(std::move(map), std::move(session), resumed, created);
+    auto job = std::make_shared<Job>(std::move(map), std::move(session), resumed, turn);
     waiting_.emplace(OrderOf(*job), job);
   }
   changed_.notify_all();
@@ -16,12 +16,24 @@ void JobQueue::Push(std::string map, std::string session, bool resumed, double c
 
 std::shared_ptr<Job> JobQueue::Take() {
   std::unique_lock lock(mutex_);
-  const auto next = [this] {
-    return std::ranges::find_if(waiting_, [this](const auto& entry) { return !at_work_.contains(entry.second->map); });
-  };
-  changed_.wait(lock, [&] { return closed_ || next() != waiting_.end(); });
+  auto found = waiting_.end();
+  while (!closed_) {
+    const Job::Time now = std::chrono::steady_clock::now();
+    Job::Time soonest = Job::Time::max();
+    found = std::ranges::find_if(waiting_, [&](const auto& entry) {
+      const Job& job = *entry.second;
+      if (at_work_.contains(job.map)) return false;
+      if (job.not_before > now) soonest = std::min(soonest, job.not_before);
+      return job.not_before <= now;
+    });
+    if (found != waiting_.end()) break;
+    if (soonest == Job::Time::max()) {
+      changed_.wait(lock);
+    } else {
+      changed_.wait_until(lock, soonest);
+    }
+  }
   if (closed_) return nullptr;
-  const auto found = next();
   std::shared_ptr<Job> job = found->second;
   waiting_.erase(found);
   at_work_.emplace(job->map, job);
@@ -33,6 +45,22 @@ void JobQueue::Done(const Job& job) {
     const std::lock_guard lock(mutex_);
     at_work_.erase(job.map);
     known_.erase({job.map, job.session});
+  }
+  changed_.notify_all();
+}
+
+void JobQueue::PutOff(const std::shared_ptr<Job>& job, std::chrono::milliseconds pause) {
+  {
+    const std::lock_guard lock(mutex_);
+    at_work_.erase(job->map);
+    if (closed_ || job->stop == StopReason::kMapDeleted) {
+      known_.erase({job->map, job->session});
+    } else {
+      job->resumed = true;
+      job->stop = StopReason::kNone;
+      job->not_before = std::chrono::steady_clock::now() + pause;
+      waiting_.emplace(OrderOf(*job), job);
+    }
   }
   changed_.notify_all();
 }

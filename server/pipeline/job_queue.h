@@ -4,11 +4,10 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
-#include <functional>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -27,14 +26,18 @@ enum class StopReason {
 
 /// A session that waits for the pipeline or is at work there.
 struct Job {
+  using Time = std::chrono::steady_clock::time_point;
+
   std::string map, session;
-  bool resumed = false;  ///< was at work when a daemon ended: goes first
-  double created = 0;    ///< of the session, seconds since 1970 (UTC)
-  std::chrono::steady_clock::time_point pushed = std::chrono::steady_clock::now();  ///< into this queue
+  bool resumed = false;  ///< was at work when a daemon ended
+  uint64_t turn = 0;     ///< of the session
+  int troubles = 0;      ///< times in a row that the store's trouble put it off
+  Time not_before;
+  Time pushed = std::chrono::steady_clock::now();  ///< into this queue
   std::atomic<StopReason> stop = StopReason::kNone;
 
-  Job(std::string map_name, std::string session_id, bool was_running, double session_created)
-      : map(std::move(map_name)), session(std::move(session_id)), resumed(was_running), created(session_created) {}
+  Job(std::string map_name, std::string session_id, bool was_running, uint64_t session_turn)
+      : map(std::move(map_name)), session(std::move(session_id)), resumed(was_running), turn(session_turn) {}
 };
 
 /// How long the line is.
@@ -44,18 +47,21 @@ struct JobQueueStatus {
 };
 
 /// Sessions to be merged, one at a time a map: two of one map would only race for its head, and the loser would merge
-/// again. Those that a daemon had begun come first, then the one begun by its robot longest ago, so that a restart
-/// finds the same order. Thread-safe.
+/// again. They come by their turns, the order of CommitSession, so that a restart finds the same order. Thread-safe.
 class JobQueue {
  public:
   /// Does nothing if the session is waiting or at work already, or if the queue is closed.
-  void Push(std::string map, std::string session, bool resumed, double created);
+  void Push(std::string map, std::string session, bool resumed, uint64_t turn);
 
-  /// The next job of a map that has none at work; waits for one. nullptr once the queue is closed.
+  /// The next job of a map that has none at work, of those that are not put off; waits for one. nullptr once the queue
+  /// is closed.
   std::shared_ptr<Job> Take();
 
   /// The job is over: the next of its map may be taken.
   void Done(const Job& job);
+
+  /// The job taken is not over: it comes again, after a pause. Its map is free meanwhile.
+  void PutOff(const std::shared_ptr<Job>& job, std::chrono::milliseconds pause);
 
   /// Drops the map's waiting jobs, stops the one at work and waits until it is done.
   void StopMap(std::string_view map, StopReason reason);
@@ -66,9 +72,9 @@ class JobQueue {
   void Close(StopReason reason);
 
  private:
-  using Order = std::tuple<bool, double, std::string, std::string>;  // resumed ones first, then by age
+  using Order = std::tuple<uint64_t, std::string, std::string>;  // by turn, then map and session
 
-  static Order OrderOf(const Job& job) { return {!job.resumed, job.created, job.map, job.session}; }
+  static Order OrderOf(const Job& job) { return {job.turn, job.map, job.session}; }
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;

@@ -4,6 +4,7 @@
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -17,12 +18,12 @@
 namespace mapkeep {
 namespace {
 
-// A session that a lease or the store kept from ending is tried again after this.
-constexpr std::chrono::seconds kRetryPause{1};
+// After which a session is tried again: that another daemon is at, that waits for an earlier one of its map, and that
+// the store's trouble kept from ending (twice as long each time, up to the longest).
+constexpr std::chrono::milliseconds kLeasedPause{1000}, kTurnPause{200}, kTroublePause{1000}, kLongestPause{16000};
 
 // A session that the map was too small for is tried again after as many commits at most.
 constexpr uint32_t kMostRetries = 3;
-constexpr size_t kRetryPage = 100;
 
 // Renews a lease until it is destroyed; tells the job to stop if somebody else has taken it.
 class LeaseRenewal {
@@ -58,49 +59,52 @@ struct Pipeline::State {
         threads(options.threads > 0 ? options.threads : tbb::info::default_concurrency()),
         parallelism(tbb::global_control::max_allowed_parallelism, threads) {}
 
-  void Work(const std::stop_token& stop) {
+  void Work() {
     tbb::task_arena arena(threads);
     while (const std::shared_ptr<Job> job = queue.Take()) {
+      if (!IsItsTurn(*job)) {
+        queue.PutOff(job, kTurnPause);
+        continue;
+      }
       bool leased = false;
       const absl::Status status = RunLeased(arena, *job, leased);
       stores.feed.ClearProgress({job->map, job->session});
-      queue.Done(*job);
-      if (status.ok()) RetryRefused(*job);
-      if (status.ok() || job->stop != StopReason::kNone || absl::IsNotFound(status)) continue;
-      if (leased) {
+      const bool handed_on = job->stop == StopReason::kHandBack || job->stop == StopReason::kMapDeleted;
+      if (status.ok() || handed_on || absl::IsNotFound(status)) {
+        queue.Done(*job);
+      } else if (!leased || job->stop == StopReason::kLeaseLost) {
+        queue.PutOff(job, kLeasedPause);  // another daemon is at it
+      } else {
         LogWarning("session put off", {{"map", job->map}, {"session", job->session}, {"why", status.ToString()}});
-      }  // otherwise another daemon is at it
-      std::unique_lock lock(pause_mutex);
-      pause.wait_for(lock, stop, kRetryPause, [] { return false; });
-      queue.Push(job->map, job->session, true, job->created);
+        queue.PutOff(job, std::min(kLongestPause, kTroublePause * (1 << std::min(job->troubles++, 10))));
+      }
     }
+  }
+
+  // Whether no other session of the map has to be merged before, wherever it is queued. If the store cannot say, the
+  // job finds out what is wrong with it.
+  bool IsItsTurn(const Job& job) const {
+    if (!options.serial_per_map) return true;
+    const auto first = stores.sessions.FirstUnfinished(job.map);
+    return !first.ok() || !*first || **first == job.session;
   }
 
   // A commit may have brought the map that refused sessions of it lacked.
   void RetryRefused(const Job& job) {
-    const auto ended = stores.sessions.Find(job.map, job.session);
-    if (!ended.ok() || ended->state != SessionState::kCommitted) return;
-    std::string after;
-    do {
-      const auto page = stores.sessions.List(job.map, after, kRetryPage);
-      if (!page.ok()) return;
-      for (SessionRecord session : page->sessions) {
-        if (session.state != SessionState::kRefused || !session.lacks_map || session.scans_deleted ||
-            session.retries >= kMostRetries) {
-          continue;
-        }
-        session.state = SessionState::kQueued;
-        session.ended = 0;
-        ++session.retries;
-        if (!stores.sessions.Update(session, SessionState::kRefused).ok()) continue;
-        LogInfo("session tried again",
-                {{"map", session.map}, {"session", session.id}, {"retries", session.retries}, {"after", job.session}});
-        stores.feed.Changed({session.map, session.id});
-        if (stores.events != nullptr && stores.events->changed) stores.events->changed(session);
-        queue.Push(session.map, session.id, false, session.created);
-      }
-      after = page->next;
-    } while (!after.empty());
+    auto lacking = stores.sessions.LackingMap(job.map);
+    if (!lacking.ok()) return;
+    for (SessionRecord& session : *lacking) {
+      if (session.retries >= kMostRetries) continue;
+      session.state = SessionState::kQueued;
+      session.ended = 0;
+      ++session.retries;
+      if (!stores.sessions.Update(session, SessionState::kRefused).ok()) continue;
+      LogInfo("session tried again",
+              {{"map", session.map}, {"session", session.id}, {"retries", session.retries}, {"after", job.session}});
+      stores.feed.Changed({session.map, session.id});
+      if (stores.events != nullptr && stores.events->changed) stores.events->changed(session);
+      queue.Push(session.map, session.id, false, session.turn);
+    }
   }
 
   absl::Status RunLeased(tbb::task_arena& arena, Job& job, bool& leased) {
@@ -111,7 +115,8 @@ struct Pipeline::State {
     absl::Status status;
     {
       const LeaseRenewal renewal(stores.leases, *lease, options.lease_seconds, job);
-      status = arena.execute([&] { return RunSession(stores, options.stages, job, lease->fence); });
+      status = arena.execute(
+          [&] { return RunSession(stores, options.stages, job, lease->fence, {}, [&] { RetryRefused(job); }); });
     }
     if (job.stop == StopReason::kHandBack && !status.ok()) {
       // It stays in state running, so that the next start takes it up before any other.
@@ -129,15 +134,13 @@ struct Pipeline::State {
   const int threads;
   const tbb::global_control parallelism;
   JobQueue queue;
-  std::mutex pause_mutex;
-  std::condition_variable_any pause;
   std::vector<std::jthread> workers;
 };
 
 Pipeline::Pipeline(const PipelineStores& stores, PipelineOptions options)
     : state_(std::make_unique<State>(stores, std::move(options))) {
   for (int i = 0; i < state_->options.jobs; ++i) {
-    state_->workers.emplace_back([state = state_.get()](const std::stop_token& stop) { state->Work(stop); });
+    state_->workers.emplace_back([state = state_.get()] { state->Work(); });
   }
 }
 
@@ -159,16 +162,13 @@ absl::Status Pipeline::ResumeUnfinished() {
 }
 
 void Pipeline::Push(const SessionRecord& session) {
-  state_->queue.Push(session.map, session.id, session.state == SessionState::kRunning, session.created);
+  state_->queue.Push(session.map, session.id, session.state == SessionState::kRunning, session.turn);
 }
 
 JobQueueStatus Pipeline::Status() const { return state_->queue.Status(); }
 
 void Pipeline::StopMap(std::string_view map) { state_->queue.StopMap(map, StopReason::kMapDeleted); }
 
-void Pipeline::Close() {
-  state_->queue.Close(StopReason::kHandBack);
-  for (std::jthread& worker : state_->workers) worker.request_stop();
-}
+void Pipeline::Close() { state_->queue.Close(StopReason::kHandBack); }
 
 }  // namespace mapkeep

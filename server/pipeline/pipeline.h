@@ -12,8 +12,9 @@
 namespace mapkeep {
 
 struct PipelineOptions {
-  int threads = 0;  ///< of the parallel loops; 0: all cores
-  int jobs = 1;     ///< sessions at work at a time, each of another map
+  int threads = 0;              ///< of the parallel loops; 0: all cores
+  int jobs = 1;                 ///< sessions at work at a time, each of another map
+  bool serial_per_map = false;  ///< a map's sessions end in the order of CommitSession, whatever daemon they are on
   double lease_seconds = 30;
   std::string holder;  ///< this daemon's name on leases; the same after a restart
   StageParameters stages;

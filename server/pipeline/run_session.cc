@@ -22,12 +22,18 @@ constexpr double kMinutesBetween1970And2000 = 15778080;  // 946,684,800 s
 // The reasons that lie in the session; everything else lies in the server.
 bool IsRefusal(const absl::Status& status) { return absl::IsInvalidArgument(status) || absl::IsOutOfRange(status); }
 
+// What passes: a full disk, a cluster out of reach, an operation without an answer. Nobody's session ends over that.
+bool Passes(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) || absl::IsUnknown(status) ||
+         absl::IsDeadlineExceeded(status);
+}
+
 // One run of one session.
 class SessionRun {
  public:
   SessionRun(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
-             std::optional<uint64_t> base_epoch)
-      : stores_(stores), parameters_(parameters), job_(job), fence_(fence), base_epoch_(base_epoch) {}
+             std::optional<uint64_t> base_epoch, const std::function<void()>& merged)
+      : stores_(stores), parameters_(parameters), job_(job), fence_(fence), base_epoch_(base_epoch), merged_(merged) {}
 
   absl::Status Run() {
     absl::StatusOr<SessionRecord> record = stores_.sessions.Find(job_.map, job_.session);
@@ -42,7 +48,7 @@ class SessionRun {
     if (applied->has_value()) return Conclude(**applied);
 
     const absl::Status outcome = Work();
-    if (outcome.ok() || absl::IsCancelled(outcome) || absl::IsAborted(outcome)) return outcome;
+    if (outcome.ok() || absl::IsCancelled(outcome) || absl::IsAborted(outcome) || Passes(outcome)) return outcome;
     return End(IsRefusal(outcome) ? SessionState::kRefused : SessionState::kFailed, std::string(outcome.message()));
   }
 
@@ -155,6 +161,7 @@ class SessionRun {
     if (!record_.keep_scans && !record_.scans_deleted) {
       if (absl::Status status = stores_.sessions.DeleteScans(job_.map, job_.session); !status.ok()) return status;
     }
+    if (merged_) merged_();
     return End(SessionState::kCommitted, "");
   }
 
@@ -223,6 +230,7 @@ class SessionRun {
   Job& job_;
   const uint64_t fence_;
   const std::optional<uint64_t> base_epoch_;  ///< nothing: the newest
+  const std::function<void()>& merged_;
   SessionRecord record_;
   std::unique_ptr<Snapshot> base_;
   ScanSource scans_;
@@ -234,8 +242,8 @@ class SessionRun {
 }  // namespace
 
 absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
-                        std::optional<uint64_t> base_epoch) {
-  return SessionRun(stores, parameters, job, fence, base_epoch).Run();
+                        std::optional<uint64_t> base_epoch, const std::function<void()>& merged) {
+  return SessionRun(stores, parameters, job, fence, base_epoch, merged).Run();
 }
 
 uint32_t MinutesSince2000(double seconds) {

@@ -36,10 +36,13 @@ struct PipelineStores {
 /// Takes one session through all stages on the calling oneTBB arena and writes its end (committed, refused, failed)
 /// into its record. Safe to run again at any point where an earlier run was cut off: what is committed is found and
 /// only concluded. CANCELLED if `job` was told to stop, ABORTED if the lease moved on: then the record is left as it
-/// is. `fence` is that of the job's lease. Aligns to the newest epoch, or
-/// to `base_epoch`: for replays.
+/// is, and
+/// likewise on UNAVAILABLE, RESOURCE_EXHAUSTED, UNKNOWN and DEADLINE_EXCEEDED: trouble of the store, which passes.
+/// `fence` is that of the job's lease. Aligns to the newest epoch, or to `base_epoch`: for replays. `merged` is called
+/// once the session is in the map, before its record says so: what is to follow from that happens even if this process
+/// ends here.
 absl::Status RunSession(const PipelineStores& stores, const StageParameters& parameters, Job& job, uint64_t fence,
-                        std::optional<uint64_t> base_epoch = {});
+                        std::optional<uint64_t> base_epoch = {}, const std::function<void()>& merged = {});
 
 /// Minutes since 2000-01-01 UTC of seconds since 1970; 0 for what came before.
 uint32_t MinutesSince2000(double seconds);

@@ -38,6 +38,13 @@ std::optional<StageProgress> SessionFeed::Progress(const Key& session) const {
   return found == progress_.end() ? std::nullopt : std::optional(found->second);
 }
 
+void SessionFeed::LookElsewhere() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [watcher, entry] : watchers_) {
+    if (!progress_.contains(entry.first)) entry.second();
+  }
+}
+
 void SessionFeed::Close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;

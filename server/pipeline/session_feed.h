@@ -36,6 +36,9 @@ class SessionFeed {
   void ClearProgress(const Key& session);
   std::optional<StageProgress> Progress(const Key& session) const;
 
+  /// Another daemon may have changed what is not at work here: its watchers look again.
+  void LookElsewhere();
+
   /// The daemon ends: watchers are told, and find the feed closed.
   void Close();
   bool closed() const;

@@ -164,6 +164,8 @@ absl::Status SessionService::Commit(const Call& call, const v1::CommitSessionReq
       if (!queued.ok()) return queued;
       LogInfo("session queued", {{"map", session->map}, {"session", session->id}});
       context_.feed.Changed({session->map, session->id});
+      session = FindSession(context_, request.map(), request.id());  // with its turn
+      if (!session.ok()) return session.status();
     }
     if (!HasEnded(session->state)) context_.pipeline.Push(*session);
     *response.mutable_session() = Described(context_, *session);
@@ -202,6 +204,8 @@ absl::Status SessionService::Retry(const Call& call, const v1::RetrySessionReque
   }
   LogInfo("session queued again", {{"map", session->map}, {"session", session->id}});
   context_.feed.Changed({session->map, session->id});
+  session = FindSession(context_, request.map(), request.id());  // with its new turn
+  if (!session.ok()) return session.status();
   context_.pipeline.Push(*session);
   *response.mutable_session() = Described(context_, *session);
   return absl::OkStatus();

@@ -80,8 +80,12 @@ class Watch final : public Reactor {
       if (!end_) end_ = session.status();
     } else if (!end_) {
       *response_.mutable_session() = ToProto(*session, progress);
-      writing_ = true;
-      StartWrite(&response_);
+      std::string now = response_.SerializeAsString();
+      if (now != told_) {  // whoever looks elsewhere finds the same most of the time
+        told_ = std::move(now);
+        writing_ = true;
+        StartWrite(&response_);
+      }
       if (HasEnded(session->state)) {
         end_ = absl::OkStatus();
       } else if (closed) {
@@ -113,6 +117,7 @@ class Watch final : public Reactor {
 
   std::mutex mutex_;
   v1::WatchSessionResponse response_;
+  std::string told_;  // the last one, as bytes
   bool changed_ = false, looking_ = false, writing_ = false, finished_ = false;
   std::optional<absl::Status> end_;  // how the call ends once nothing is on its way
 };

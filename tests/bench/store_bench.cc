@@ -1,16 +1,20 @@
-// store_bench DIR [--rados CEPH_CONF POOL | --most COPIES]
+// store_bench DIR [--rados CEPH_CONF POOL | --most COPIES | --memory | --drive KITTI_DIR]
 // The map store under a session of fixed size while the map around it grows: seconds of merge, filter and durable
 // commit at 1x, 10x, 50x and 200x the session's area (RADOS: to 50x), tiles read at an old epoch and at the head, the
 // head after 1,000 epochs, opening the store, bytes a voxel. The blocks are made up: ground of random detail, which
-// compresses worse than a real street. DIR is made and removed. Ratios are of one run.
+// compresses worse than a real street. DIR is made and removed. Ratios are of one run. --memory
+// writes and reads maps of two sizes with small caches and fails if the larger one takes more memory. With --drive,
+// real sessions go through the whole pipeline instead: see store_bench_session.h.
 
 #include <absl/strings/str_format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <fstream>
 #include <random>
 #include <string>
 
@@ -18,13 +22,16 @@
 #include "storage/block_codec.h"
 #include "storage/rados_engine.h"
 #include "storage/rocksdb_engine.h"
+#include "tests/bench/store_bench_session.h"
 
 namespace mapkeep {
 namespace {
 
-constexpr int kBlocksAlong = 18;  // of the session's square of blocks: 115 m
+constexpr int kBlocksAlong = 24;  // of the session's square of blocks: 154 m, as many voxels as a drive of KITTI
 constexpr int kRuns = 7;
 constexpr double kVoxelSize = 0.2;
+constexpr size_t kSmallCache = size_t{8} << 20;  // bytes, of --memory
+constexpr double kMemorySlack = 64;              // MiB; the maps differ by several hundred
 
 using Clock = std::chrono::steady_clock;
 
@@ -89,10 +96,18 @@ SessionMap SessionOver(const std::vector<Block>& blocks, uint32_t minutes) {
   return session;
 }
 
+// Resident memory of this process, MiB.
+double ResidentMib() {
+  std::ifstream file("/proc/self/statm");
+  double pages = 0;
+  file >> pages >> pages;
+  return pages * static_cast<double>(::sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
 class Bench {
  public:
-  Bench(std::function<std::unique_ptr<Engine>()> open, int most_copies)
-      : open_(std::move(open)), most_copies_(most_copies) {
+  Bench(std::function<std::unique_ptr<Engine>()> open, int most_copies, const MapStoreOptions& options = {})
+      : open_(std::move(open)), most_copies_(most_copies), options_(options) {
     Open();
     Require(maps_->Create({.name = "m", .voxel_size = kVoxelSize}));
   }
@@ -101,24 +116,53 @@ class Bench {
     for (const int copies : {1, 10, 50, 200}) {
       if (copies > most_copies_) break;
       GrowTo(copies);
-      std::vector<double> seconds;
-      const std::clock_t cpu = std::clock();
-      for (int run = 0; run < kRuns; ++run) seconds.push_back(CommitSession());
-      const double cpu_seconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / kRuns;
+      std::vector<double> seconds, cpu_seconds;
+      for (int run = 0; run < kRuns; ++run) {
+        const Spent spent = CommitSession();
+        seconds.push_back(spent.seconds);
+        cpu_seconds.push_back(spent.cpu_seconds);
+      }
       const double median = Median(seconds);
-      if (copies == 1) first_ = median;
+      const double cpu = Median(cpu_seconds);
+      if (copies == 1) {
+        first_ = median;
+        first_cpu_ = cpu;
+      }
       const auto head = Require(maps_->Open("m"));
       std::printf(
-          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f), "
+          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f, %.2f of 1x), "
           "%.2f million voxels/s merged\n",
           copies, static_cast<unsigned long long>(head->totals().voxels), 1e3 * median, median / first_,
-          1e3 * merge_seconds_, 1e3 * cpu_seconds, 1e-6 * static_cast<double>(session_.voxels.size()) / median);
+          1e3 * merge_seconds_, 1e3 * cpu, cpu / first_cpu_,
+          1e-6 * static_cast<double>(session_.voxels.size()) / median);
     }
     OldEpochs();
     if (most_copies_ >= 10) ManyEpochs();
     std::vector<double> opened;
     for (int run = 0; run < 5; ++run) opened.push_back(Reopen());
     std::printf("opening the store with %d squares and %d epochs: %.1f ms\n", copies_, commits_, 1e3 * Median(opened));
+  }
+
+  // Whether a map takes no more memory, written and read whole, than one of a quarter of its size.
+  bool RunMemory() {
+    double smaller = 0;
+    for (const int copies : {most_copies_ / 4, most_copies_}) {
+      double most = 0;
+      for (int made = copies_; made < copies; ++made) {
+        GrowTo(made + 1);
+        most = std::max(most, ResidentMib());
+      }
+      const auto head = Require(maps_->Open("m"));
+      for (const TileKey tile : Require(head->Tiles(std::nullopt))) {
+        for (const BlockKey key : Require(head->BlocksOf(tile))) Require(head->Read(key));
+        most = std::max(most, ResidentMib());
+      }
+      const double decoded = static_cast<double>(head->totals().voxels * sizeof(Voxel)) / (1 << 20);
+      std::printf("%4dx: at most %.0f MiB resident, for a map of %.0f MiB in memory\n", copies, most, decoded);
+      if (copies == most_copies_) return most < smaller + kMemorySlack;
+      smaller = most;
+    }
+    return false;
   }
 
   void PrintBytes() const {
@@ -133,7 +177,7 @@ class Bench {
  private:
   void Open() {
     engine_ = open_();
-    maps_ = OpenMapStore(*engine_, {});
+    maps_ = OpenMapStore(*engine_, options_);
   }
 
   double Reopen() {
@@ -153,12 +197,18 @@ class Bench {
     for (; copies_ < copies; ++copies_) Commit([this](const Snapshot&) { return Area(copies_); });
   }
 
-  double CommitSession() {
+  // Of all threads together; the CPU time does not depend on what else the machine does.
+  struct Spent {
+    double seconds = 0, cpu_seconds = 0;
+  };
+
+  Spent CommitSession() {
     session_ = SessionOver(Area(0), 1000 + commits_);
     const auto base = Require(maps_->Open("m"));
     const ScanSource none{0, {}};
     const MergeInput input{*base, session_, none, {}, {}, {}};
     const auto began = Clock::now();
+    const std::clock_t cpu = std::clock();
     Commit([&](const Snapshot& head) -> absl::StatusOr<std::vector<Block>> {
       const auto merging = Clock::now();
       auto merged = MergeIntoMap(head, input, {}, {}, {});
@@ -166,7 +216,7 @@ class Bench {
       if (!merged.ok()) return merged.status();
       return std::move(merged->changed);
     });
-    return SecondsSince(began);
+    return {SecondsSince(began), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
   }
 
   // Seconds to read every tile of the first square in a random order, with nothing in the caches of the store.
@@ -221,21 +271,39 @@ class Bench {
 
   const std::function<std::unique_ptr<Engine>()> open_;
   const int most_copies_;
+  const MapStoreOptions options_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<MapStore> maps_;
   SessionMap session_;
   int copies_ = 0, commits_ = 0;
-  double first_ = 0, merge_seconds_ = 0;
+  double first_ = 0, first_cpu_ = 0, merge_seconds_ = 0;
 };
 
 int Run(int count, char** arguments) {
   const bool rados = count == 5 && std::string(arguments[2]) == "--rados";
   const bool bounded = count == 4 && std::string(arguments[2]) == "--most";
-  if (count != 2 && !rados && !bounded) {
-    std::fprintf(stderr, "usage: store_bench DIR [--rados CEPH_CONF POOL | --most COPIES]\n");
+  const bool memory = count == 3 && std::string(arguments[2]) == "--memory";
+  const bool drive = count == 4 && std::string(arguments[2]) == "--drive";
+  if (count != 2 && !rados && !bounded && !drive && !memory) {
+    std::fprintf(stderr,
+                 "usage: store_bench DIR [--rados CEPH_CONF POOL | --most COPIES | --memory | --drive KITTI_DIR]\n");
     return 2;
   }
   const std::string directory = arguments[1];
+  if (drive) {
+    std::filesystem::create_directories(directory);
+    RunWholeSessions(directory, arguments[3]);
+    std::filesystem::remove_all(directory);
+    return 0;
+  }
+  if (memory) {
+    const RocksDbOptions small{.block_cache_bytes = kSmallCache, .write_buffer_bytes = kSmallCache};
+    const bool bounded_by_caches =
+        Bench([&] { return Require(OpenRocksDbEngine(directory, small)); }, 40, {.block_cache_bytes = kSmallCache})
+            .RunMemory();
+    std::filesystem::remove_all(directory);
+    return bounded_by_caches ? 0 : 1;
+  }
   const auto open = [&]() -> std::unique_ptr<Engine> {
     if (!rados) return Require(OpenRocksDbEngine(directory));
     return Require(OpenRadosEngine({.conf = arguments[3], .pool = arguments[4], .name_space = directory}));

@@ -101,6 +101,8 @@ void DaemonProcess::Start() {
 
 void DaemonProcess::Kill() { End(SIGKILL); }
 
+void DaemonProcess::Signal(int signal) const { kill(process_, signal); }
+
 int DaemonProcess::End(int signal) {
   kill(process_, signal);
   int status = 0;

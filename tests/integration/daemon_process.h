@@ -42,6 +42,8 @@ class DaemonProcess {
   void Start();
   /// kill -9.
   void Kill();
+  /// Sends a signal that does not end it.
+  void Signal(int signal) const;
   /// Sends the signal; gives the exit status, or -1 if a signal ended it.
   int End(int signal);
 

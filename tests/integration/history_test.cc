@@ -3,13 +3,16 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <csignal>
+#include <cstdio>
 #include <cstdlib>
-#include <random>
+#include <thread>
 
 #include "tests/integration/daemon_process.h"
 #include "tests/integration/rados_cluster.h"
 #include "tests/integration/robot.h"
 #include "tests/integration/status_matchers.h"
+#include "tests/integration/upkeep.h"
 
 namespace mapkeep {
 namespace {
@@ -24,39 +27,9 @@ std::string Id(char robot, int number) { return std::string(1, robot).append(std
 
 Drive ShortDrive(int number) { return DriveAlong(Street(), 16, kStart + 3600.0 * number); }
 
-v1::VerifyMapResponse Verify(Robot& robot, const std::string& map) {
-  v1::VerifyMapRequest request;
-  request.set_map(map);
-  v1::VerifyMapResponse response;
-  grpc::ClientContext as_long_as_it_takes;
-  EXPECT_THAT(robot.admin().VerifyMap(&as_long_as_it_takes, request, &response), IsOk());
-  return response;
-}
-
-v1::ReplayMapResponse Replay(Robot& robot, const std::string& map) {
-  v1::ReplayMapRequest request;
-  request.set_map(map);
-  v1::ReplayMapResponse response;
-  grpc::ClientContext as_long_as_it_takes;
-  EXPECT_THAT(robot.admin().ReplayMap(&as_long_as_it_takes, request, &response), IsOk());
-  return response;
-}
-
 void Merge(Robot& robot, const std::string& id, int number) {
   ASSERT_THAT(robot.UploadDrive("street", id, ShortDrive(number), true), IsOk());
   ASSERT_EQ(robot.Watch("street", id).state(), v1::SESSION_STATE_COMMITTED);
-}
-
-// Each of the map's sessions once, nothing wrong with it, and the same again from its scans.
-void ExpectWhole(Robot& robot, uint64_t sessions) {
-  v1::Map map;
-  ASSERT_THAT(robot.GetMap("street", map), IsOk());
-  EXPECT_EQ(map.epoch(), sessions);
-  EXPECT_EQ(map.sessions(), sessions);
-  EXPECT_THAT(Verify(robot, "street").problems(), testing::IsEmpty());
-  const v1::ReplayMapResponse replay = Replay(robot, "street");
-  EXPECT_EQ(replay.commits(), sessions);
-  EXPECT_EQ(replay.different(), 0U) << replay.first_difference();
 }
 
 TEST(History, AMapThatIsRolledBackIsWhatItWasAndItsLaterSessionsSaySo) {
@@ -120,56 +93,82 @@ TEST(History, ABackupMadeWhileServingIsRestoredUnderAnotherName) {
   EXPECT_EQ(Verify(robot, "copy").problem_count(), 0U);
 }
 
-TEST(History, WheneverTheDaemonIsKilledEveryQueuedSessionIsMergedOnceAndTheReplayAgrees) {
-  const int rounds = kLong ? 300 : 3;
-  std::mt19937_64 random(3);
-  DaemonProcess daemon;
-  ASSERT_THAT(Robot(daemon.listen()).CreateMap("street"), IsOk());
-  int queued = 0;
-  for (int round = 0; round < rounds; ++round) {
-    {
-      Robot robot(daemon.listen());
-      for (uint64_t left = 1 + random() % 3; left > 0; --left, ++queued) {
-        ASSERT_THAT(robot.UploadDrive("street", Id('s', queued), ShortDrive(queued), true), IsOk());
-      }
-      const auto scans = Wire(ShortDrive(queued));
-      ASSERT_THAT(robot.Begin("street", Id('s', queued), scans, nullptr, true), IsOk());
-      ::usleep(random() % 800000);
-    }
-    daemon.Kill();
-    daemon.Start();
-    Robot robot(daemon.listen());
-    ASSERT_THAT(Verify(robot, "street").problems(), testing::IsEmpty()) << "round " << round;
+// Drives whose areas overlap by half.
+void DriveOverlapping(const std::string& address, char name, int sessions) {
+  Robot robot(address);
+  for (int i = 0; i < sessions; ++i) {
+    const double along = -6.0 + 3.0 * (i % 5) + (name == 'a' ? 0 : 1.5);
+    const Drive drive = DriveAlong(Street(), 16, kStart + 3600.0 * (2 * i + (name == 'a' ? 0 : 1)), {0, 0, 0}, along);
+    EXPECT_THAT(robot.UploadDrive("street", Id(name, i), drive, true), IsOk());
   }
-  Robot robot(daemon.listen());
-  for (int number = 0; number < queued; ++number) {
-    EXPECT_EQ(robot.Watch("street", Id('s', number)).state(), v1::SESSION_STATE_COMMITTED) << number;
-  }
-  ExpectWhole(robot, static_cast<uint64_t>(queued));
 }
 
-TEST(History, OnOnePoolADaemonThatDiesAndAnOsdThatDiesCostNoSessionAndDoubleNone) {
+void WaitForSessions(Robot& robot, uint64_t sessions) {
+  v1::Map map;
+  for (int glance = 0; glance < 60000 && map.sessions() < sessions; ++glance) {
+    ::usleep(20000);
+    ASSERT_THAT(robot.GetMap("street", map), IsOk());
+  }
+}
+
+TEST(History, OnOnePoolDaemonsAndAnOsdThatDieOrSleepUnderLoadCostNoSessionAndDoubleNone) {
   const RadosCluster cluster;
   DaemonProcess first(cluster.Flags());
   const DaemonProcess second(cluster.Flags());
-  Robot a(first.listen()), b(second.listen());
-  ASSERT_THAT(a.CreateMap("street"), IsOk());
+  Robot b(second.listen());
+  ASSERT_THAT(Robot(first.listen()).CreateMap("street"), IsOk());
   const int sessions = kLong ? 100 : 4;  // of each daemon
-  for (int i = 0; i < sessions; ++i) {
-    ASSERT_THAT(a.UploadDrive("street", Id('a', i), ShortDrive(2 * i), true), IsOk());
-    ASSERT_THAT(b.UploadDrive("street", Id('b', i), ShortDrive(2 * i + 1), true), IsOk());
-    if (i == sessions / 2) {
-      ASSERT_EQ(cluster.Run("kill-osd"), 0);
-    }
+  {
+    std::jthread to_first([&] { DriveOverlapping(first.listen(), 'a', sessions); });
+    const std::jthread to_second([&] { DriveOverlapping(second.listen(), 'b', sessions); });
+    WaitForSessions(b, static_cast<uint64_t>(sessions) / 4);
+    ASSERT_EQ(cluster.Run("kill-osd"), 0);
+    WaitForSessions(b, static_cast<uint64_t>(sessions) / 2);
+    // Past its leases, while the other one commits and collects.
+    first.Signal(SIGSTOP);
+    ::usleep(5000000);
+    v1::CollectGarbageResponse collected;
+    EXPECT_THAT(b.admin().CollectGarbage(Robot::Call().get(), {}, &collected), IsOk());
+    first.Signal(SIGCONT);
+    to_first.join();  // what it has acknowledged is the other one's once it is dead
+    first.Kill();
   }
-  first.Kill();
+  v1::Map map;
+  ASSERT_THAT(b.GetMap("street", map), IsOk());
+  std::printf("%d of %d sessions were merged when the daemon was killed\n", static_cast<int>(map.sessions()),
+              2 * sessions);
   for (int i = 0; i < sessions; ++i) {
     for (const char robot : {'a', 'b'}) {
       const v1::Session session = b.Watch("street", Id(robot, i));
       EXPECT_EQ(session.state(), v1::SESSION_STATE_COMMITTED) << session.id() << ": " << session.reason();
     }
   }
-  ExpectWhole(b, 2 * static_cast<uint64_t>(sessions));
+  ExpectWhole(b, "street", 2 * static_cast<uint64_t>(sessions));
+}
+
+TEST(History, SerialDaemonsOnOnePoolMergeInTheOrderOfCommitSession) {
+  const RadosCluster cluster;
+  const std::vector<std::string> flags = cluster.Flags("serial_per_map = true");
+  const DaemonProcess first(flags), second(flags);
+  Robot a(first.listen()), b(second.listen());
+  ASSERT_THAT(a.CreateMap("street"), IsOk());
+  constexpr int kSessions = 6;
+  std::vector<std::string> order;
+  for (int i = 0; i < kSessions; ++i) {
+    const std::vector<WireScan> scans = Wire(ShortDrive(i));
+    Robot& robot = i % 2 == 0 ? a : b;
+    ASSERT_THAT(robot.Begin("street", Id('s', i), scans), IsOk());
+    ASSERT_THAT(robot.Send("street", Id('s', i), scans), IsOk());
+  }
+  for (const int i : {4, 1, 0, 3, 2, 5}) {
+    ASSERT_THAT((i % 2 == 0 ? a : b).Commit("street", Id('s', i)), IsOk());
+    order.push_back(Id('s', i));
+  }
+  for (const std::string& id : order) {
+    Robot& robot = (id.back() - '0') % 2 == 0 ? a : b;
+    EXPECT_EQ(robot.Watch("street", id).state(), v1::SESSION_STATE_COMMITTED) << id;
+  }
+  EXPECT_EQ(SessionsOf(a, "street"), order);
 }
 
 }  // namespace

@@ -24,11 +24,12 @@ class RadosCluster {
     return std::system((MAPKEEP_RADOS_CLUSTER " " + command + " " + directory_.path() + "/ceph").c_str());
   }
 
-  /// Flags of a daemon on it, whose leases end after three seconds.
-  std::vector<std::string> Flags() const {
+  /// Flags of a daemon on it, whose leases end after three seconds; `more` stands before all tables.
+  std::vector<std::string> Flags(const std::string& more = "") const {
     const std::string file = directory_.path() + "/mapkeepd.toml";
-    std::ofstream(file) << "engine = \"rados\"\n[rados]\nconf = \"" << directory_.path()
-                        << "/ceph/ceph.conf\"\npool = \"maps\"\n[limits]\nlease_seconds = 3\n";
+    std::ofstream(file) << more << "\nengine = \"rados\"\n[rados]\nconf = \"" << directory_.path()
+                        << "/ceph/ceph.conf\"\npool = \"maps\"\nuser = \"maps\"\nkeyring = \"" << directory_.path()
+                        << "/ceph/client.maps.keyring\"\n[limits]\nlease_seconds = 3\n";
     return {"--config", file};
   }
 

@@ -180,6 +180,10 @@ std::vector<v1::VoxelBlock> Robot::Tiles(const std::string& map, bool include_al
   request.set_map(map);
   request.set_include_all(include_all);
   if (box != nullptr) *request.mutable_box() = *box;
+  return Tiles(request);
+}
+
+std::vector<v1::VoxelBlock> Robot::Tiles(const v1::StreamTilesRequest& request) {
   const auto call = Call();
   const auto stream = tiles_->StreamTiles(call.get(), request);
   std::vector<v1::VoxelBlock> blocks;

@@ -63,6 +63,7 @@ class Robot {
 
   /// The whole stream; fails the test if it does not end well.
   std::vector<v1::VoxelBlock> Tiles(const std::string& map, bool include_all, const v1::Box* box = nullptr);
+  std::vector<v1::VoxelBlock> Tiles(const v1::StreamTilesRequest& request);
 
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   v1::MapService::Stub& maps() { return *maps_; }

@@ -62,11 +62,11 @@ Scan CastRays(const Scene& scene, const Pose& pose, double time) {
   return scan;
 }
 
-Drive DriveAlong(const Scene& scene, int scans, double start, const Eigen::Vector3d& offset) {
+Drive DriveAlong(const Scene& scene, int scans, double start, const Eigen::Vector3d& offset, double along) {
   Drive drive;
   for (int i = 0; i < scans; ++i) {
     Pose pose = Pose::Identity();
-    pose.translate(Eigen::Vector3d(-0.25 * scans + 0.5 * i, 2.0, 1.5));
+    pose.translate(Eigen::Vector3d(along - 0.25 * scans + 0.5 * i, 2.0, 1.5));
     pose.rotate(Eigen::AngleAxisd(0.02 * std::sin(0.3 * i), Eigen::Vector3d::UnitZ()));
     drive.scans.push_back(CastRays(scene, pose, start + 0.1 * i));
     pose.pretranslate(offset);

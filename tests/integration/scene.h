@@ -28,7 +28,8 @@ struct Drive {
 };
 
 /// A drive along the street, `scans` scans half a metre apart, one every tenth of a second from `start` (seconds since
-/// 1970). `offset` moves the frame of the poses, metres.
-Drive DriveAlong(const Scene& scene, int scans, double start, const Eigen::Vector3d& offset = {0, 0, 0});
+/// 1970). `offset` moves the frame of the poses, `along` the drive itself, metres.
+Drive DriveAlong(const Scene& scene, int scans, double start, const Eigen::Vector3d& offset = {0, 0, 0},
+                 double along = 0);
 
 }  // namespace mapkeep

@@ -66,6 +66,14 @@ TEST(CommandLine, HelpNamesEverySettingWithItsDefault) {
   }
 }
 
+TEST(CommandLine, ASwitchNeedsNoValueAndTakesOne) {
+  EXPECT_FALSE(std::get<Config>(*Read({})).serial_per_map);
+  EXPECT_TRUE(std::get<Config>(*Read({"--serial-per-map"})).serial_per_map);
+  EXPECT_EQ(std::get<Config>(*Read({"--serial-per-map", "--threads", "2"})).threads, 2);
+  EXPECT_FALSE(std::get<Config>(*Read({"--serial-per-map=false"})).serial_per_map);
+  EXPECT_THAT(FlagComplaint({"--serial-per-map=perhaps"}), HasSubstr("expected true or false"));
+}
+
 TEST(CommandLine, BadFlagsAreNamedWithWhatWasExpected) {
   EXPECT_THAT(FlagComplaint({"--threads", "many"}), HasSubstr("--threads many: expected an integer from 0 to 1024"));
   EXPECT_THAT(FlagComplaint({"--threads", "-1"}), HasSubstr("expected an integer"));

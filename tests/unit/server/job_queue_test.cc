@@ -7,7 +7,7 @@
 namespace mapkeep {
 namespace {
 
-TEST(JobQueue, TheOldestSessionGoesFirst) {
+TEST(JobQueue, SessionsGoByTheirTurns) {
   JobQueue queue;
   queue.Push("a", "young", false, 20);
   queue.Push("b", "old", false, 10);
@@ -15,11 +15,36 @@ TEST(JobQueue, TheOldestSessionGoesFirst) {
   EXPECT_EQ(queue.Take()->session, "young");
 }
 
-TEST(JobQueue, WhatADaemonHadBegunGoesBeforeAll) {
+TEST(JobQueue, AJobThatIsPutOffComesAgainAndLetsOthersBeMeanwhile) {
   JobQueue queue;
-  queue.Push("a", "waited", false, 10);
-  queue.Push("a", "was at work", true, 20);
-  EXPECT_EQ(queue.Take()->session, "was at work");
+  queue.Push("a", "1", false, 1);
+  const auto first = queue.Take();
+  EXPECT_EQ(first->session, "1");
+  EXPECT_FALSE(first->resumed);
+  queue.Push("a", "2", false, 2);
+  queue.PutOff(first, std::chrono::milliseconds(50));
+  queue.Push("a", "1", false, 1);  // it is known already
+  const auto second = queue.Take();
+  EXPECT_EQ(second->session, "2");
+  queue.Done(*second);
+  const auto again = queue.Take();
+  EXPECT_EQ(again->session, "1");
+  EXPECT_TRUE(again->resumed);
+  queue.Done(*again);
+  queue.Close(StopReason::kHandBack);
+  EXPECT_EQ(queue.Take(), nullptr);
+}
+
+TEST(JobQueue, AJobOfADeletedMapIsNotPutOff) {
+  JobQueue queue;
+  queue.Push("a", "1", false, 1);
+  const auto job = queue.Take();
+  std::jthread stopper([&] { queue.StopMap("a", StopReason::kMapDeleted); });
+  while (job->stop == StopReason::kNone) std::this_thread::yield();
+  queue.PutOff(job, std::chrono::milliseconds(0));
+  stopper.join();
+  queue.Push("b", "2", false, 2);
+  EXPECT_EQ(queue.Take()->session, "2");
 }
 
 TEST(JobQueue, AMapHasOneJobAtWork) {

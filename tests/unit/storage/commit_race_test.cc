@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <atomic>
+#include <chrono>
+#include <cstdlib>
 #include <random>
 #include <thread>
 
@@ -125,6 +127,52 @@ TEST(CommitRace, AnyOperationMayTimeOutAndArriveAtAnyTime) {
   ASSERT_DONE(CollectGarbage(*engine, ThoroughCollection()));
   EXPECT_EQ(CheckMap(*engine, incarnation), 0U);
   ExpectCounted(*OpenMapStore(*engine, {}), Upto(kSessions));
+}
+
+TEST(CommitRace, OperationsThatAreAppliedSecondsAfterTheyTimedOutDoubleNothing) {
+  const bool is_long = std::getenv("MAPKEEP_LONG") != nullptr;
+  const auto delay = std::chrono::milliseconds(is_long ? 5000 : 40);
+  const int sessions = is_long ? 200 : 60;
+  constexpr int kThreads = 2;
+  TestEngine engine;
+  std::mt19937_64 random(2);
+  std::atomic<int> late = 0;
+  uint64_t incarnation = 0;
+  {
+    UnansweringEngine delaying(
+        *engine,
+        [&] {
+          const bool is_late = random() % 8 == 0;
+          late += is_late ? 1 : 0;
+          return is_late ? Fate::kLate : Fate::kAnswered;
+        },
+        delay);
+    const auto setup = OpenMapStore(*engine, {});
+    incarnation = setup->Create({.name = "m"})->incarnation;
+    const auto maps = OpenMapStore(delaying, {});
+    std::vector<std::thread> threads;
+    for (int t = 0; t < kThreads; ++t) {
+      threads.emplace_back([&, t] {
+        for (int session = t; session < sessions; session += kThreads) {
+          // Whoever got no answer asks again: the first answer counts.
+          absl::Status status;
+          for (int i = 0; i < 20; ++i) {
+            status = maps->Commit("m", CountingRequest(session)).status();
+            if (!absl::IsDeadlineExceeded(status)) break;
+          }
+          EXPECT_DONE(status) << session;
+        }
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_GT(late, 0);
+    ExpectCounted(*setup, Upto(sessions));
+    delaying.ApplyLate();
+    ExpectCounted(*setup, Upto(sessions));
+    EXPECT_THAT(setup->Verify("m")->problems, testing::IsEmpty());
+  }
+  ASSERT_DONE(CollectGarbage(*engine, ThoroughCollection()));
+  EXPECT_EQ(CheckMap(*engine, incarnation), 0U);
 }
 
 }  // namespace

@@ -1,22 +1,33 @@
-// What the crash test kills: commits sessions from two threads, stages scans and collects garbage in the directory
-// given until it is killed or done. Writes the number of each session to standard output once its commit is
-// acknowledged.
+// What tests kill and stop: commits sessions, stages scans and collects garbage until it is killed or done. Writes the
+// number of each session to standard output once it is acknowledged.
+//
+//   crash_worker DIRECTORY FIRST END                 on RocksDB, from two threads
+//   crash_worker CEPH_CONF NAMESPACE HOLDER END      on RADOS, beside others, under leases of a fifth of a second
 
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "storage/collector.h"
+#include "storage/leases.h"
+#include "storage/rados_engine.h"
 #include "storage/rocksdb_engine.h"
 #include "storage/session_store.h"
-#include "tests/unit/storage/counting_map.h"
+#include "tests/unit/storage/counting_session.h"
 
 namespace mapkeep {
 namespace {
+
+constexpr double kLeaseSeconds = 0.2;
+constexpr int kMostPasses = 100'000;
+
+const MapStoreOptions kHasty{.intent_seconds = 0.01, .pin_seconds = 5};
 
 void Require(const absl::Status& status) {
   if (status.ok()) return;
@@ -24,36 +35,15 @@ void Require(const absl::Status& status) {
   std::abort();
 }
 
-/// Stages a session's scans, commits it, drops the scans: as the server does, from wherever an earlier run was killed.
-void RunSession(MapStore& maps, SessionStore& sessions, int number) {
-  const std::string id = std::to_string(number);
-  const auto begun = sessions.Begin({.map = "m", .id = id, .scan_crc32c = {1, 2, 3}});
-  Require(begun.status());
-  SessionRecord record = *begun;
-  StagedScan scan;
-  scan.scan.points.assign(2000, Eigen::Vector3f(1, 2, static_cast<float>(number)));
-  if (record.state == SessionState::kUploading) {
-    for (uint32_t i = record.durable_scans; i < 3; ++i) Require(sessions.AppendScans("m", id, i, {&scan, 1}));
-    record.state = SessionState::kRunning;
-    Require(sessions.Update(record, SessionState::kUploading));
-  }
-  if (record.state == SessionState::kRunning) {
-    const auto applied = maps.FindCommit("m", id);
-    Require(applied.status());
-    if (!applied->has_value()) Require(sessions.ReadScan("m", id, 2).status());
-    Require(maps.Commit("m", CountingRequest(number)).status());
-    Require(sessions.DeleteScans("m", id));
-    record.state = SessionState::kCommitted;
-    Require(sessions.Update(record, SessionState::kRunning));
-  }
-  const std::string line = id + "\n";
+void Acknowledge(int number) {
+  const std::string line = std::to_string(number) + "\n";
   if (::write(STDOUT_FILENO, line.data(), line.size()) < 0) std::abort();
 }
 
-void Run(const std::string& directory, int first, int end) {
+void RunOnRocksDb(const std::string& directory, int first, int end) {
   auto engine = OpenRocksDbEngine(directory);
   Require(engine.status());
-  const auto maps = OpenMapStore(**engine, {.intent_seconds = 0.01, .pin_seconds = 5});
+  const auto maps = OpenMapStore(**engine, kHasty);
   const auto sessions = OpenSessionStore(**engine);
   const absl::Status made = maps->Create({.name = "m"}).status();
   if (!absl::IsAlreadyExists(made)) Require(made);
@@ -61,7 +51,8 @@ void Run(const std::string& directory, int first, int end) {
   for (int t = 0; t < 2; ++t) {
     threads.emplace_back([&, t] {
       for (int number = first + t; number < end; number += 2) {
-        RunSession(*maps, *sessions, number);
+        Require(RunCountingSession(*maps, *sessions, number, 0, [](Reached) {}));
+        Acknowledge(number);
         if (number % 4 == 0) Require(CollectGarbage(**engine, {.keep_epochs = 3, .grace_seconds = 0}).status());
       }
     });
@@ -69,11 +60,37 @@ void Run(const std::string& directory, int first, int end) {
   for (std::thread& thread : threads) thread.join();
 }
 
+// Every session that nobody else has a lease on, until all are committed.
+void RunOnRados(const std::string& conf, const std::string& name_space, const std::string& holder, int end) {
+  auto engine = OpenRadosEngine({.conf = conf, .pool = "maps", .name_space = name_space});
+  Require(engine.status());
+  const auto maps = OpenMapStore(**engine, kHasty);
+  const auto sessions = OpenSessionStore(**engine);
+  const auto leases = OpenLeases(**engine);
+  std::set<int> open;
+  for (int number = 0; number < end; ++number) open.insert(number);
+  for (int pass = 0; pass < kMostPasses && !open.empty(); ++pass) {
+    for (auto next = open.begin(); next != open.end();) {
+      const int number = *next;
+      const auto lease = leases->Acquire("m", std::to_string(number), holder, kLeaseSeconds);
+      absl::Status status = lease.status();
+      if (status.ok()) {
+        status = RunCountingSession(*maps, *sessions, number, lease->fence, [](Reached) {});
+        leases->Release(*lease).IgnoreError();
+      }
+      if (!status.ok() && !absl::IsAborted(status)) Require(status);
+      next = status.ok() ? open.erase(next) : std::next(next);
+      if (status.ok()) Acknowledge(number);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+}
+
 }  // namespace
 }  // namespace mapkeep
 
 int main(int argc, char** argv) {
-  if (argc != 4) return 2;
-  mapkeep::Run(argv[1], std::atoi(argv[2]), std::atoi(argv[3]));
-  return 0;
+  if (argc == 4) mapkeep::RunOnRocksDb(argv[1], std::atoi(argv[2]), std::atoi(argv[3]));
+  if (argc == 5) mapkeep::RunOnRados(argv[1], argv[2], argv[3], std::atoi(argv[4]));
+  return argc == 4 || argc == 5 ? 0 : 2;
 }

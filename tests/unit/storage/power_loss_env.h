@@ -6,14 +6,16 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <random>
+#include <set>
 #include <string>
 #include <utility>
 
 namespace mapkeep {
 
 /// A file layer whose power fails after a number of writes: from then on every write is an error, and DropUnsynced
-/// takes away what was not synced before. (Renamed and new files are taken to stay: a journalling file system's
-/// promise.)
+/// takes away what was not synced before: the ends of files, and new files whose directory was not. (What is renamed
+/// onto another file is taken to replace it: a journalling file system's promise.)
 class PowerLossEnv final : public rocksdb::EnvWrapper {
  public:
   explicit PowerLossEnv(int writes_left) : rocksdb::EnvWrapper(rocksdb::Env::Default()), writes_left_(writes_left) {}
@@ -23,11 +25,13 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
   rocksdb::Status NewWritableFile(const std::string& name, std::unique_ptr<rocksdb::WritableFile>* file,
                                   const rocksdb::EnvOptions& options) override {
     if (!Take()) return Off();
+    const bool is_new = !std::filesystem::exists(name);
     std::unique_ptr<rocksdb::WritableFile> opened;
     rocksdb::Status status = target()->NewWritableFile(name, &opened, options);
     if (!status.ok()) return status;
     const std::scoped_lock lock(mutex_);
     synced_[name] = 0;
+    if (is_new) unlisted_.insert(name);
     *file = std::make_unique<File>(*this, name, std::move(opened));
     return status;
   }
@@ -37,16 +41,24 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     DeleteFile(old).PermitUncheckedError();
     return NewWritableFile(name, file, options);
   }
+  rocksdb::Status NewDirectory(const std::string& name, std::unique_ptr<rocksdb::Directory>* directory) override {
+    std::unique_ptr<rocksdb::Directory> opened;
+    rocksdb::Status status = target()->NewDirectory(name, &opened);
+    if (status.ok()) *directory = std::make_unique<Folder>(*this, name, std::move(opened));
+    return status;
+  }
   rocksdb::Status RenameFile(const std::string& from, const std::string& to) override {
     if (!Take()) return Off();
     const std::scoped_lock lock(mutex_);
     if (const auto found = synced_.extract(from); !found.empty()) synced_[to] = found.mapped();
+    if (unlisted_.erase(from) > 0 && !std::filesystem::exists(to)) unlisted_.insert(to);
     return target()->RenameFile(from, to);
   }
   rocksdb::Status DeleteFile(const std::string& name) override {
     if (!Take()) return Off();
     const std::scoped_lock lock(mutex_);
     synced_.erase(name);
+    unlisted_.erase(name);
     return target()->DeleteFile(name);
   }
 
@@ -55,12 +67,18 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     return writes_left_ <= 0;
   }
 
-  /// Once nobody has a file open.
-  void DropUnsynced() {
+  /// Once nobody has a file open. Of what was not synced, all goes, or a random part of each file's end stays.
+  void DropUnsynced(std::mt19937_64& random) {
     const std::scoped_lock lock(mutex_);
+    const bool tear = random() % 2 == 0;
     for (const auto& [name, size] : synced_) {
       std::error_code gone;
-      if (std::filesystem::file_size(name, gone) > size && !gone) std::filesystem::resize_file(name, size);
+      const uint64_t written = std::filesystem::file_size(name, gone);
+      if (gone || written <= size) continue;
+      std::filesystem::resize_file(name, tear ? size + random() % (written - size + 1) : size);
+    }
+    for (const std::string& name : unlisted_) {
+      if (!tear || random() % 2 == 0) std::filesystem::remove(name);
     }
   }
 
@@ -96,6 +114,27 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     uint64_t size_ = 0;
   };
 
+  class Folder final : public rocksdb::Directory {
+   public:
+    Folder(PowerLossEnv& env, std::string name, std::unique_ptr<rocksdb::Directory> directory)
+        : env_(env), name_(std::move(name)), directory_(std::move(directory)) {}
+    rocksdb::Status Fsync() override {
+      if (!env_.Take()) return Off();
+      rocksdb::Status status = directory_->Fsync();
+      if (!status.ok()) return status;
+      const std::scoped_lock lock(env_.mutex_);
+      std::erase_if(env_.unlisted_,
+                    [this](const std::string& file) { return std::filesystem::path(file).parent_path() == name_; });
+      return status;
+    }
+    rocksdb::Status Close() override { return directory_->Close(); }
+
+   private:
+    PowerLossEnv& env_;
+    const std::filesystem::path name_;
+    const std::unique_ptr<rocksdb::Directory> directory_;
+  };
+
   static rocksdb::Status Off() { return rocksdb::Status::IOError("the power is off"); }
   bool Take() {
     const std::scoped_lock lock(mutex_);
@@ -105,6 +144,7 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
   mutable std::mutex mutex_;
   int writes_left_;
   std::map<std::string, uint64_t> synced_;  ///< bytes of each file written here that are on the disk
+  std::set<std::string> unlisted_;          ///< new files whose directory was not synced since
 };
 
 }  // namespace mapkeep

@@ -6,7 +6,9 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
+#include "tests/unit/storage/counting_map.h"
 #include "tests/unit/storage/status_matchers.h"
 #include "tests/unit/storage/test_engine.h"
 
@@ -77,6 +79,29 @@ TEST(RocksDbEngine, AFullDiskRefusesWritesAndReadsGoOnAndThereIsRecovery) {
   EXPECT_EQ(**(*engine)->Get("p", "after"), "1");
 }
 
+TEST(RocksDbEngine, AMapIsReadOnAFullDiskAndCommittedToOnceThereIsSpace) {
+  FullDiskEnv disk;
+  const TemporaryDirectory directory;
+  const auto engine = OpenRocksDbEngine(directory.path(), {.env = &disk});
+  ASSERT_DONE(engine);
+  {
+    const auto maps = OpenMapStore(**engine, {});
+    ASSERT_DONE(maps->Create({.name = "m"}));
+    ASSERT_DONE(maps->Commit("m", CountingRequest(0)));
+  }  // whose pins go with it
+  disk.full = true;
+  {
+    const auto maps = OpenMapStore(**engine, {});
+    ExpectCounted(*maps, {0});
+    EXPECT_CODE(maps->Commit("m", CountingRequest(1)), kResourceExhausted);
+    ExpectCounted(*maps, {0});
+    disk.full = false;
+    EXPECT_DONE(maps->Commit("m", CountingRequest(1)));
+    ExpectCounted(*maps, {0, 1});
+    EXPECT_THAT(maps->Verify("m")->problems, testing::IsEmpty());
+  }
+}
+
 TEST(RocksDbEngine, ADamagedFileIsDataLoss) {
   const TemporaryDirectory directory;
   const std::string copy = directory.path() + "/copy";
@@ -101,6 +126,82 @@ TEST(RocksDbEngine, ADamagedFileIsDataLoss) {
   ASSERT_DONE(engine);
   EXPECT_CODE((*engine)->GetValue("g", "v"), kDataLoss);
   EXPECT_CODE((*engine)->GetValue("g", "w"), kNotFound);
+}
+
+TEST(RocksDbEngine, ADamagedTableFileLosesWhatLiesThereAndTheRestIsReadAndListed) {
+  constexpr int kValues = 400;
+  const TemporaryDirectory directory;
+  const std::string copy = directory.path() + "/copy";
+  std::mt19937_64 random(1);
+  std::vector<ImmutableValue> values;
+  for (int i = 0; i < kValues; ++i) {
+    std::string bytes(1000, '\0');  // too small for a blob file
+    for (char& byte : bytes) byte = static_cast<char>(random());
+    values.push_back({std::to_string(i), bytes});
+  }
+  {
+    const auto engine = OpenRocksDbEngine(directory.path() + "/db");
+    ASSERT_DONE(engine);
+    ASSERT_DONE((*engine)->PutValues("g", values));
+    ASSERT_DONE((*engine)->Checkpoint(copy));
+  }
+  std::filesystem::path largest;
+  for (const auto& file : std::filesystem::directory_iterator(copy)) {
+    const bool is_table = file.path().extension() == ".sst";
+    if (is_table && (largest.empty() || file.file_size() > std::filesystem::file_size(largest))) largest = file.path();
+  }
+  ASSERT_GT(std::filesystem::file_size(largest), 300'000U);
+  std::fstream bytes(largest, std::ios::in | std::ios::out | std::ios::binary);
+  bytes.seekp(200'000);
+  bytes.write("damaged", 7);
+  bytes.close();
+
+  const auto engine = OpenRocksDbEngine(copy);
+  ASSERT_DONE(engine);
+  int lost = 0;
+  for (const ImmutableValue& value : values) {
+    const auto read = (*engine)->GetValue("g", value.key);
+    if (read.ok()) {
+      EXPECT_EQ(*read, value.value);
+      continue;
+    }
+    EXPECT_CODE(read, kDataLoss);
+    ++lost;
+  }
+  EXPECT_GT(lost, 0);
+  EXPECT_LT(lost, 20);
+  int listed = 0;
+  EXPECT_DONE((*engine)->ScanValueKeys("g", "", "", [&listed](std::string_view) { return ++listed > 0; }));
+  EXPECT_EQ(listed, kValues);
+  EXPECT_DONE(Put(**engine, "after", "1")) << "writes go on";
+}
+
+TEST(RocksDbEngine, ADamagedValueIsListedAllTheSame) {
+  const TemporaryDirectory directory;
+  const std::string copy = directory.path() + "/copy";
+  const std::vector<ImmutableValue> values = {{"v", std::string(100000, 'v')}, {"w", std::string(100000, 'w')}};
+  {
+    const auto engine = OpenRocksDbEngine(directory.path() + "/db");
+    ASSERT_DONE(engine);
+    ASSERT_DONE((*engine)->PutValues("g", values));
+    ASSERT_DONE((*engine)->Checkpoint(copy));
+  }
+  for (const auto& file : std::filesystem::directory_iterator(copy)) {
+    if (file.path().extension() != ".blob") continue;
+    std::fstream bytes(file.path(), std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekp(50'000);
+    bytes.put('x');
+  }
+  const auto engine = OpenRocksDbEngine(copy);
+  ASSERT_DONE(engine);
+  EXPECT_CODE((*engine)->GetValue("g", "v"), kDataLoss);
+  EXPECT_DONE((*engine)->GetValue("g", "w"));
+  std::vector<std::string> keys;
+  EXPECT_DONE((*engine)->ScanValueKeys("g", "", "", [&keys](std::string_view key) {
+    keys.emplace_back(key);
+    return true;
+  }));
+  EXPECT_THAT(keys, testing::ElementsAre("v", "w"));
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 #include <random>
+#include <set>
+#include <thread>
 
 #include "storage/scan_codec.h"
 #include "tests/unit/storage/status_matchers.h"
@@ -182,7 +184,7 @@ TEST_F(SessionStoreTest, SessionsAreListedByAgeAPageAtATime) {
   EXPECT_EQ(page->next, "");
 }
 
-TEST_F(SessionStoreTest, AStartingDaemonFindsWhatIsQueuedOrRunningOldestFirst) {
+TEST_F(SessionStoreTest, AStartingDaemonFindsWhatIsQueuedOrRunningByTheirTurns) {
   Upload("running", 1, 10);
   Upload("queued", 1, 5, "other");
   Upload("uploading", 1, 1);
@@ -194,9 +196,9 @@ TEST_F(SessionStoreTest, AStartingDaemonFindsWhatIsQueuedOrRunningOldestFirst) {
   const auto unfinished = sessions_->Unfinished();
   ASSERT_DONE(unfinished);
   ASSERT_EQ(unfinished->size(), 2U);
-  EXPECT_EQ((*unfinished)[0].id, "queued");
-  EXPECT_EQ((*unfinished)[0].map, "other");
-  EXPECT_EQ((*unfinished)[1].id, "running");
+  EXPECT_EQ((*unfinished)[0].id, "running");
+  EXPECT_EQ((*unfinished)[1].id, "queued");
+  EXPECT_EQ((*unfinished)[1].map, "other");
 }
 
 TEST_F(SessionStoreTest, PosesAreThoseWrittenLast) {
@@ -249,6 +251,70 @@ TEST_F(SessionStoreTest, AllSessionsOfAMapGoInAnyState) {
   EXPECT_THAT(sessions_->List("m", "", 10)->sessions, IsEmpty());
   EXPECT_THAT(*sessions_->Unfinished(), IsEmpty());
   EXPECT_EQ(sessions_->List("n", "", 10)->sessions.size(), 1U);
+}
+
+TEST_F(SessionStoreTest, TurnsAreTheOrderInWhichSessionsAreQueued) {
+  for (const char* id : {"a", "b", "c"}) Upload(id, 1);
+  EXPECT_EQ(*sessions_->FirstUnfinished("m"), std::nullopt);
+  for (const char* id : {"c", "a", "b"}) ASSERT_DONE(Move(id, SessionState::kUploading, SessionState::kQueued));
+  EXPECT_LT(sessions_->Find("m", "c")->turn, sessions_->Find("m", "a")->turn);
+  EXPECT_LT(sessions_->Find("m", "a")->turn, sessions_->Find("m", "b")->turn);
+  const auto unfinished = sessions_->Unfinished();
+  ASSERT_DONE(unfinished);
+  ASSERT_EQ(unfinished->size(), 3U);
+  EXPECT_EQ((*unfinished)[0].id, "c");
+  EXPECT_EQ((*unfinished)[2].id, "b");
+
+  EXPECT_EQ(*sessions_->FirstUnfinished("m"), "c");
+  ASSERT_DONE(Move("a", SessionState::kQueued, SessionState::kRunning));
+  EXPECT_EQ(*sessions_->FirstUnfinished("m"), "c");
+  ASSERT_DONE(Move("c", SessionState::kQueued, SessionState::kRefused));
+  EXPECT_EQ(*sessions_->FirstUnfinished("m"), "a") << "what is at work keeps its turn";
+  ASSERT_DONE(sessions_->Requeue("m", "c"));
+  ASSERT_DONE(Move("a", SessionState::kRunning, SessionState::kCommitted));
+  EXPECT_EQ(*sessions_->FirstUnfinished("m"), "b") << "what is queued again goes last";
+  EXPECT_EQ(*sessions_->FirstUnfinished("other map"), std::nullopt);
+}
+
+TEST_F(SessionStoreTest, EverySessionHasATurnOfItsOwnWhoeverQueuesThem) {
+  constexpr int kSessions = 24, kThreads = 4;
+  for (int i = 0; i < kSessions; ++i) Upload(std::to_string(i), 1);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = t; i < kSessions; i += kThreads) {
+        EXPECT_DONE(Move(std::to_string(i), SessionState::kUploading, SessionState::kQueued));
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::set<uint64_t> turns;
+  const auto unfinished = sessions_->Unfinished();
+  ASSERT_DONE(unfinished);
+  for (const SessionRecord& session : *unfinished) turns.insert(session.turn);
+  EXPECT_EQ(turns.size(), static_cast<size_t>(kSessions));
+}
+
+TEST_F(SessionStoreTest, RefusedSessionsThatLackMapAreFoundUntilTheyAreTriedAgain) {
+  for (const char* id : {"near", "far", "broken"}) {
+    Upload(id, 1);
+    ASSERT_DONE(Move(id, SessionState::kUploading, SessionState::kRunning));
+    SessionRecord record = *sessions_->Find("m", id);
+    record.state = SessionState::kRefused;
+    record.lacks_map = std::string(id) != "broken";
+    ASSERT_DONE(sessions_->Update(record, SessionState::kRunning));
+  }
+  auto lacking = sessions_->LackingMap("m");
+  ASSERT_DONE(lacking);
+  ASSERT_EQ(lacking->size(), 2U);
+  const uint64_t turn = lacking->front().turn;
+  lacking->front().state = SessionState::kQueued;
+  ++lacking->front().retries;
+  ASSERT_DONE(sessions_->Update(lacking->front(), SessionState::kRefused));
+  EXPECT_EQ(sessions_->Find("m", "near")->turn, turn) << "tried again by itself, it keeps its place";
+  EXPECT_EQ(sessions_->LackingMap("m")->size(), 1U);
+  ASSERT_DONE(sessions_->DeleteScans("m", "far"));
+  EXPECT_THAT(*sessions_->LackingMap("m"), IsEmpty());
 }
 
 }  // namespace

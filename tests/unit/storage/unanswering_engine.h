@@ -1,7 +1,11 @@
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
+#include <deque>
 #include <functional>
 #include <mutex>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -14,22 +18,28 @@ enum class Fate {
   kAnswered,  ///< nothing special
   kApplied,   ///< applied, but reported as DEADLINE_EXCEEDED
   kLost,      ///< never applied
-  kLate,      ///< applied when ApplyLate is called
+  kLate,      ///< applied when ApplyLate is called, or after the engine's delay
 };
 
-/// An engine on top of a real one, whose compare-and-sets time out as `fate` says.
+/// An engine on top of a real one, whose compare-and-sets time out as `fate` says. Those that are late arrive by
+/// themselves after `delay`, unless that is zero.
 class UnansweringEngine final : public Engine {
  public:
-  UnansweringEngine(Engine& engine, std::function<Fate()> fate) : engine_(engine), fate_(std::move(fate)) {}
+  UnansweringEngine(Engine& engine, std::function<Fate()> fate, std::chrono::milliseconds delay = {})
+      : engine_(engine), fate_(std::move(fate)), delay_(delay) {
+    if (delay.count() > 0) {
+      postman_ = std::jthread([this](const std::stop_token& stop) { Deliver(stop); });
+    }
+  }
 
   /// What was on its way arrives, in the order it was sent.
   void ApplyLate() {
-    std::vector<std::function<void()>> late;
+    std::deque<Late> late;
     {
       const std::scoped_lock lock(mutex_);
       late.swap(late_);
     }
-    for (const auto& operation : late) operation();
+    for (const Late& operation : late) operation.apply();
   }
 
   absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
@@ -39,11 +49,13 @@ class UnansweringEngine final : public Engine {
       const std::scoped_lock lock(mutex_);
       fate = fate_();
       if (fate == Fate::kLate) {
-        late_.push_back([this, partition = std::string(partition),
-                         conditions = std::vector(conditions.begin(), conditions.end()),
-                         mutations = std::vector(mutations.begin(), mutations.end())] {
-          engine_.CompareAndSet(partition, conditions, mutations).IgnoreError();
-        });
+        late_.push_back(
+            {std::chrono::steady_clock::now() + delay_,
+             [this, partition = std::string(partition), conditions = std::vector(conditions.begin(), conditions.end()),
+              mutations = std::vector(mutations.begin(), mutations.end())] {
+               engine_.CompareAndSet(partition, conditions, mutations).IgnoreError();
+             }});
+        arrived_.notify_all();
       }
     }
     if (fate == Fate::kAnswered) return engine_.CompareAndSet(partition, conditions, mutations);
@@ -78,10 +90,35 @@ class UnansweringEngine final : public Engine {
   absl::Status Checkpoint(const std::string& directory) override { return engine_.Checkpoint(directory); }
 
  private:
+  /// An operation on its way.
+  struct Late {
+    std::chrono::steady_clock::time_point due;
+    std::function<void()> apply;
+  };
+
+  void Deliver(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (arrived_.wait(lock, stop, [this] { return !late_.empty(); })) {
+      const auto due = late_.front().due;
+      if (arrived_.wait_until(lock, stop, due, [due] { return std::chrono::steady_clock::now() >= due; }) &&
+          !late_.empty()) {
+        const Late operation = std::move(late_.front());
+        late_.pop_front();
+        lock.unlock();
+        operation.apply();
+        lock.lock();
+      }
+      if (stop.stop_requested()) return;
+    }
+  }
+
   Engine& engine_;
   std::mutex mutex_;
+  std::condition_variable_any arrived_;
   std::function<Fate()> fate_;
-  std::vector<std::function<void()>> late_;
+  std::deque<Late> late_;
+  const std::chrono::milliseconds delay_;
+  std::jthread postman_;
 };
 
 }  // namespace mapkeep
