@@ -5,6 +5,7 @@ import http.client
 import json
 import pathlib
 import socket
+import ssl
 import tempfile
 import threading
 import time
@@ -12,7 +13,7 @@ import unittest
 import urllib.parse
 
 import streets
-from programs import TIMEOUT_S, Daemon
+from programs import BIN, TIMEOUT_S, Daemon, run
 
 MAP = "/v1/maps/street"
 
@@ -27,9 +28,12 @@ class Answer:
         return json.loads(self.body)
 
 
-def get(address, path, method="GET", **headers):
+def get(address, path, method="GET", tls=None, **headers):
     """One request; keyword accept_encoding is the field Accept-Encoding."""
-    connection = http.client.HTTPConnection(address, timeout=TIMEOUT_S)
+    if tls is None:
+        connection = http.client.HTTPConnection(address, timeout=TIMEOUT_S)
+    else:
+        connection = http.client.HTTPSConnection(address, timeout=TIMEOUT_S, context=tls)
     try:
         fields = {name.replace("_", "-"): value for name, value in headers.items()}
         connection.request(method, path, headers=fields)
@@ -291,6 +295,64 @@ class Pages(unittest.TestCase):
         file = self.scratch / "short.toml"
         file.write_text("[history]\nkeep_epochs = 1\n")
         return file
+
+
+class GuardedPages(unittest.TestCase):
+    """With TLS and tokens: the same rules as gRPC."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
+        certificate, key, tokens = (cls.scratch / name for name in ("cert.pem", "key.pem", "tokens"))
+        run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2",
+            "-subj", "/CN=server", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1", "-keyout", key, "-out", certificate)
+        cls.token = {}
+        for name, role, of_map in (("console", "operator", "*"), ("screen", "reader", "yard"), ("truck", "robot", "yard")):
+            cls.token[name] = run(BIN / "mapkeepd", "token", name, "--role", role, "--map", of_map, "--append",
+                                  tokens).stdout.strip()
+        cls.daemon = cls.enterClassContext(
+            Daemon("--http", "127.0.0.1:0", "--tls-cert", certificate, "--tls-key", key, "--tokens", tokens))
+        cls.tls = ssl.create_default_context(cafile=certificate)
+        for name in ("yard", "depot"):
+            cls.daemon.cli("--tls-ca", certificate, "--token", cls.token["console"], "map", "create", name)
+
+    def get(self, path, who=None, **headers):
+        if who is not None:
+            headers["Authorization"] = f"Bearer {self.token.get(who, who)}"
+        return get(self.daemon.http, path, tls=self.tls, **headers)
+
+    def test_no_token_and_a_wrong_one_are_401_without_the_secret_in_the_log(self):
+        for who in (None, "mk_wrong_secret"):
+            answer = self.get("/v1/maps/yard", who)
+            self.assertEqual((answer.status, answer.headers["WWW-Authenticate"]), (401, "Bearer"))
+            self.assertEqual(self.get("/v1/maps", who).status, 401)
+            self.assertEqual(self.get("/v1/maps/yard/events", who).status, 401)
+        log = (self.daemon.directory / "log").read_text()
+        self.assertIn("page refused", log)
+        self.assertNotIn("mk_wrong_secret", log)
+
+    def test_a_reader_sees_its_maps_alone(self):
+        self.assertEqual(self.get("/v1/maps/yard/latest/tileset.json", "screen").status, 200)
+        self.assertEqual(self.get("/v1/maps/depot", "screen").status, 403)
+        self.assertEqual(self.get("/v1/maps/depot/epochs/0/tileset.json", "screen").status, 403)
+        self.assertEqual([m["name"] for m in self.get("/v1/maps", "screen").json()["maps"]], ["yard"])
+        self.assertEqual(len(self.get("/v1/maps", "console").json()["maps"]), 2)
+        # What robots may is to upload.
+        self.assertEqual(self.get("/v1/maps/yard", "truck").status, 403)
+
+    def test_the_token_may_stand_in_the_address_for_those_who_cannot_send_fields(self):
+        self.assertEqual(self.get(f"/v1/maps/yard?token={self.token['screen']}").status, 200)
+
+    def test_caches_on_the_way_do_not_keep_what_not_everybody_may_see(self):
+        self.assertIn("private", self.get("/v1/maps/yard/epochs/0/tileset.json", "screen").headers["Cache-Control"])
+
+    def test_the_viewer_itself_is_for_everybody(self):
+        self.assertIn(self.get("/").status, (200, 404))
+
+    def test_without_tls_there_is_no_answer(self):
+        with self.assertRaises((OSError, http.client.HTTPException)):
+            get(self.daemon.http, "/v1/maps")
+        self.assertEqual(self.get("/v1/maps/yard", "screen").status, 200)
 
 
 if __name__ == "__main__":
