@@ -296,8 +296,11 @@ void Daemon::Stop() {
   const std::chrono::seconds patience(state_->config.limits.shutdown_seconds);
   state_->feed.Close();
   state_->epochs->Close();
-  if (state_->pages) state_->pages->Stop(patience);
+  std::thread pages_end([this, patience] {
+    if (state_->pages) state_->pages->Stop(patience);
+  });
   state_->rpc->Shutdown(patience);
+  pages_end.join();
   state_->metrics.ForgetSources();
   state_->pages.reset();
   state_->rpc.reset();

@@ -285,11 +285,12 @@ class StreamConnection final : public Connection {
 }  // namespace
 
 bool ConnectionTable::Add(const std::shared_ptr<Connection>& connection) {
+  std::shared_ptr<Connection> closing;  // let go of after the lock: its end takes the lock
   const std::scoped_lock lock(mutex_);
   if (open_.size() >= most_) {
     const auto idlest = std::ranges::min_element(open_, {}, [](const Connection* c) { return c->idle_since(); });
     if (idlest == open_.end() || (*idlest)->idle_since() == Clock::time_point::max()) return false;
-    const std::shared_ptr<Connection> closing = (*idlest)->weak_from_this().lock();
+    closing = (*idlest)->weak_from_this().lock();
     if (closing) closing->Close();
     open_.erase(idlest);
   }

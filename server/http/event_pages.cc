@@ -104,6 +104,7 @@ class MapEvents : public std::enable_shared_from_this<MapEvents> {
 absl::StatusOr<PageResponse> EventsPage(const PageContext& context, const PageRequest& request,
                                         const std::string& map) {
   if (absl::Status status = context.maps.Find(map).status(); !status.ok()) return status;
+  if (context.feed.closed()) return absl::UnavailableError("the daemon is stopping; come back");
   // Who comes back after a break need not hear again of the epoch that it heard of last.
   const auto events = std::make_shared<MapEvents>(context, map, request.last_event_id);
   events->Begin();

@@ -2,6 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
+
 #include "core/tiling/gltf_points.h"
 #include "core/tiling/thinning_levels.h"
 #include "core/tiling/tile_pyramid.h"
@@ -23,7 +25,6 @@ TileSource::TileSource(const MapStore& maps, const TileSourceOptions& options)
     : maps_(maps),
       options_(options),
       reader_(maps, options.cache_bytes / 16),
-      epochs_(options.cache_bytes / 16),
       encoded_(options.cache_bytes / 8 * 5),
       kept_(options.cache_bytes / 4) {}
 
@@ -31,21 +32,34 @@ absl::StatusOr<std::shared_ptr<const EpochTiles>> TileSource::Open(const std::st
                                                                    std::optional<uint64_t> epoch) {
   const auto snapshot = maps_.Open(map, epoch);
   if (!snapshot.ok()) return snapshot.status();
-  const ContentId name{(*snapshot)->map().incarnation, (*snapshot)->epoch()};
-  std::shared_ptr<const EpochTiles> tiles = epochs_.Find(name);
+  std::shared_ptr<const EpochTiles> tiles = FindRecent((*snapshot)->map().incarnation, (*snapshot)->epoch());
   if (tiles == nullptr) {
     auto read = reader_.Read(**snapshot);
     if (!read.ok()) return read.status();
     tiles = *std::move(read);
-    epochs_.Insert(name, tiles, tiles->bytes());
   }
-  const std::scoped_lock lock(opened_mutex_);
-  const Ticks::time_point now = Ticks::now();
-  if (opened_.size() >= kMostOpened) {
-    std::erase_if(opened_, [now](const auto& entry) { return entry.second.at + kOpenFor < now; });
-  }
-  if (opened_.size() < kMostOpened) opened_[{map, tiles->epoch}] = {now, tiles};
+  NoteOpened(tiles);
   return tiles;
+}
+
+std::shared_ptr<const EpochTiles> TileSource::FindRecent(uint64_t incarnation, uint64_t epoch) {
+  const std::scoped_lock lock(opened_mutex_);
+  for (const auto& tiles : recent_) {
+    if (tiles->incarnation == incarnation && tiles->epoch == epoch) return tiles;
+  }
+  return nullptr;
+}
+
+void TileSource::NoteOpened(const std::shared_ptr<const EpochTiles>& tiles) {
+  const std::scoped_lock lock(opened_mutex_);
+  std::erase(recent_, tiles);
+  recent_.push_front(tiles);
+  size_t bytes = 0, kept = 0;
+  while (kept < recent_.size() && (bytes += recent_[kept]->bytes()) <= options_.cache_bytes / 16) ++kept;
+  recent_.resize(std::max<size_t>(kept, 1));
+  const Ticks::time_point now = Ticks::now();
+  std::erase_if(opened_, [now](const auto& entry) { return entry.second.at + kOpenFor < now; });
+  if (opened_.size() < kMostOpened) opened_[{tiles->map, tiles->epoch}] = {now, tiles};
 }
 
 std::shared_ptr<const EpochTiles> TileSource::FindOpen(const std::string& map, uint64_t epoch) {

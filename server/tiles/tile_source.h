@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -90,6 +91,8 @@ class TileSource {
     const KeptName name_;
   };
 
+  std::shared_ptr<const EpochTiles> FindRecent(uint64_t incarnation, uint64_t epoch);
+  void NoteOpened(const std::shared_ptr<const EpochTiles>& tiles);
   absl::StatusOr<std::vector<TilePoint>> PointsOf(const Snapshot& snapshot, const EpochTiles& tiles, size_t node);
   absl::StatusOr<Points> KeptOf(const Snapshot& snapshot, const EpochTiles& tiles, size_t node, int level);
   absl::StatusOr<std::vector<TilePoint>> ReadPoints(const Snapshot& snapshot, const EpochTiles& tiles, size_t node);
@@ -99,7 +102,6 @@ class TileSource {
   const MapStore& maps_;
   const TileSourceOptions options_;
   EpochTilesReader reader_;
-  ByteCache<ContentId, EpochTiles> epochs_;
   ByteCache<EncodedName, std::string> encoded_;
   ByteCache<KeptName, std::vector<TilePoint>> kept_;
 
@@ -108,6 +110,7 @@ class TileSource {
     std::shared_ptr<const EpochTiles> tiles;
   };
   std::mutex opened_mutex_;
+  std::deque<std::shared_ptr<const EpochTiles>> recent_;  // the one used last first
   std::map<std::pair<std::string, uint64_t>, Opened> opened_;
 
   std::mutex making_mutex_;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <random>
@@ -26,11 +27,11 @@ class Site {
 
   MapStore& maps() { return *maps_; }
 
-  /// A layer of ground with some holes; equal seeds give equal blocks. Seen on that day since 2000.
+  /// Two layers of ground with some holes; equal seeds give equal blocks. Seen on that day since 2000.
   static Block Ground(int x, int y, uint32_t seed, uint32_t day) {
     std::mt19937 random(seed);
     Block block{BlockKeyOf({x, y, 0}), {}};
-    for (uint16_t position = 0; position < 1024; ++position) {
+    for (uint16_t position = 0; position < 2048; ++position) {
       if (random() % 5 == 0) continue;
       Voxel voxel{.position = position, .hits = 24, .exposures = 8, .ground = true, .is_static = true};
       voxel.mask = random() & random() & 0xffff;
