@@ -36,6 +36,16 @@ struct Limits {
   int shutdown_seconds = 10;    ///< that open calls get to end
 };
 
+/// The listener of pages and tiles.
+struct HttpConfig {
+  std::string assets;        ///< directory of the viewer's files; empty: beside the program, see FindAssets
+  std::string cors_origins;  ///< whose pages may read answers: "*", origins separated by blanks, or nothing
+  int threads = 2;           ///< that move bytes; as many make tiles
+  int connections = 1024;    ///< at most
+  int cache_mib = 256;       ///< tiles and what they are made of, MiB
+  int stall_seconds = 30;    ///< after which a client that takes or sends nothing is cut off
+};
+
 enum class EngineChoice { kRocksDb, kRados };
 
 /// What the store lies on.
@@ -93,6 +103,7 @@ struct Config {
   Security security;
   QuotaConfig quota;
   Limits limits;
+  HttpConfig pages;
   EngineConfig engine;
   History history;
   StageParameters stages;

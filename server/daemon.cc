@@ -23,6 +23,7 @@
 #include "server/epoch_feed.h"
 #include "server/housekeeping.h"
 #include "server/http/admin_server.h"
+#include "server/http/page_service.h"
 #include "server/log.h"
 #include "server/metrics/call_metrics.h"
 #include "server/metrics/metered_engine.h"
@@ -104,6 +105,7 @@ struct Daemon::State {
   std::unique_ptr<WorkPool> pool;
   std::unique_ptr<Gate> gate;
   std::unique_ptr<RpcServer> rpc;
+  std::unique_ptr<PageService> pages;  // nullptr: off
   std::unique_ptr<Housekeeping> housekeeping;
   std::unique_ptr<QuotaWatch> quota_watch;
   std::unique_ptr<ServiceNotice> notice;
@@ -201,6 +203,11 @@ struct Daemon::State {
                                                     call_metrics, *quotas, map_lifetimes, *epochs});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
+    if (!config.http.host.empty()) {
+      auto served = PageService::Start(config, {*maps, *sessions, feed, *epochs, *authority, certificates.get()});
+      if (!served.ok()) return served.status();
+      pages = *std::move(served);
+    }
     std::function<absl::Status()> take_over;
     if (config.engine.choice == EngineChoice::kRados) take_over = [this] { return pipeline->ResumeUnfinished(); };
     if (config.engine.choice == EngineChoice::kRados) {
@@ -252,6 +259,14 @@ struct Daemon::State {
                      use(&Quotas::Use::sessions));
     metrics.AddGauge("mapkeep_quota_jobs", "Sessions that are committed and not at their end", use(&Quotas::Use::jobs));
     metrics.AddGauge("mapkeep_quota_bytes", "Bytes of the scans of both", use(&Quotas::Use::bytes));
+    if (pages != nullptr) {
+      metrics.AddGauge("mapkeep_http_connections", "Open connections to pages and tiles",
+                       [this] { return static_cast<double>(pages->connections()); });
+      metrics.AddCount("mapkeep_http_requests_total", "Requests for pages and tiles",
+                       [this] { return static_cast<double>(pages->requests()); });
+      metrics.AddCount("mapkeep_http_tiles_made_total", "Tiles that no cache had",
+                       [this] { return static_cast<double>(pages->tile_counts().tiles); });
+    }
     metrics.AddGauge("mapkeep_ready", "1 while the daemon takes work", [this] { return admin->ready() ? 1 : 0; });
     if (certificates != nullptr) {
       metrics.AddGauge("mapkeep_certificate_expiry_seconds", "When the certificate expires, seconds since 1970 (UTC)",
@@ -279,15 +294,14 @@ absl::StatusOr<std::unique_ptr<Daemon>> Daemon::Start(Config config) {
   State& running = *daemon->state_;
   running.rpc->SetServing(true);
   running.admin->SetReady(true);
-  if (!running.config.http.host.empty()) {
-    LogWarning("http not served", {{"http", ToString(running.config.http)}, {"why", "not part of this version"}});
-  }
-  const std::string listen = ToString(daemon->listen()), admin_address = ToString(daemon->admin());
+  const std::string listen = ToString(daemon->listen()), admin_address = ToString(daemon->admin()),
+                    http = ToString(daemon->http());
   if (!running.config.ports_file.empty()) {
-    const nlohmann::json ports = {{"listen", listen}, {"admin", admin_address}};
+    nlohmann::json ports = {{"listen", listen}, {"admin", admin_address}};
+    if (running.pages) ports["http"] = http;
     if (absl::Status status = WriteFile(running.config.ports_file, ports.dump() + "\n"); !status.ok()) return status;
   }
-  LogInfo("serving", {{"listen", listen}, {"admin", admin_address}, {"data", running.config.data}});
+  LogInfo("serving", {{"listen", listen}, {"admin", admin_address}, {"http", http}, {"data", running.config.data}});
   // Takes every lock that the parts share: one that is held for ever ends in a restart by systemd.
   running.notice = std::make_unique<ServiceNotice>([&running] {
     running.pipeline->Status();
@@ -312,8 +326,16 @@ void Daemon::Stop() {
   state_->quota_watch.reset();
   state_->look_elsewhere = {};
   state_->pipeline->Close();
-  state_->rpc->Shutdown(std::chrono::seconds(state_->config.limits.shutdown_seconds));
+  const std::chrono::seconds patience(state_->config.limits.shutdown_seconds);
+  state_->feed.Close();
+  state_->epochs->Close();
+  std::thread pages_end([this, patience] {
+    if (state_->pages) state_->pages->Stop(patience);
+  });
+  state_->rpc->Shutdown(patience);
+  pages_end.join();
   state_->metrics.ForgetSources();
+  state_->pages.reset();
   state_->rpc.reset();
   state_->epochs.reset();
   state_->pool.reset();
@@ -322,6 +344,10 @@ void Daemon::Stop() {
 }
 
 Endpoint Daemon::listen() const { return {state_->config.listen.host, state_->rpc->port()}; }
+
+Endpoint Daemon::http() const {
+  return state_->pages ? Endpoint{state_->config.http.host, state_->pages->port()} : Endpoint{};
+}
 
 Endpoint Daemon::admin() const { return {state_->config.admin.host, state_->admin->port()}; }
 

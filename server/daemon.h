@@ -24,6 +24,7 @@ class Daemon {
   /// Where it listens, with the ports that were picked.
   Endpoint listen() const;
   Endpoint admin() const;
+  Endpoint http() const;  ///< no host: off
 
  private:
   struct State;

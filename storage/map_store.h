@@ -51,6 +51,13 @@ struct TileEntry {
   MapTotals totals;
 };
 
+/// A block at one epoch, without its content.
+struct BlockEntry {
+  BlockKey key{};
+  WriteId version;  ///< two contents of one block never share one
+  uint64_t static_voxels = 0;
+};
+
 /// One epoch of one map, pinned while this lives: what it reads does not change and is not collected. Thread-safe.
 /// The store outlives it. A process that slept past its pin gets FAILED_PRECONDITION for what was collected meanwhile.
 class Snapshot final {
@@ -84,6 +91,9 @@ class Snapshot final {
 
   /// Keys of the blocks of a tile, in order.
   absl::StatusOr<std::vector<BlockKey>> BlocksOf(TileKey tile) const;
+
+  /// Likewise with their versions; reads no block.
+  absl::StatusOr<std::vector<BlockEntry>> BlockEntries(TileKey tile) const;
 
   /// Blocks that were written anew, made or deleted between two epochs of one map, in order; those with equal content
   /// may be among them. INVALID_ARGUMENT if the other one is of another map.

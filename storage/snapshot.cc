@@ -135,12 +135,20 @@ absl::StatusOr<std::optional<TileEntry>> Snapshot::FindTile(TileKey tile) const 
 }
 
 absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksOf(TileKey tile) const {
+  const absl::StatusOr<std::vector<BlockEntry>> entries = BlockEntries(tile);
+  if (!entries.ok()) return entries.status();
+  std::vector<BlockKey> blocks;
+  for (const BlockEntry& entry : *entries) blocks.push_back(entry.key);
+  return blocks;
+}
+
+absl::StatusOr<std::vector<BlockEntry>> Snapshot::BlockEntries(TileKey tile) const {
   const absl::StatusOr<std::shared_ptr<const TreeNode>> leaf = FindLeaf(state_->values, state_->at.root, tile);
   if (!leaf.ok()) return Explain(*state_, leaf.status());
-  std::vector<BlockKey> blocks;
+  std::vector<BlockEntry> blocks;
   if (*leaf == nullptr) return blocks;
   for (const TreeChild& child : (*leaf)->children) {
-    blocks.push_back(BlockKey{(*leaf)->prefix << kLeafBits | child.slot});
+    blocks.push_back({BlockKey{(*leaf)->prefix << kLeafBits | child.slot}, child.written, child.totals.static_voxels});
   }
   return blocks;
 }

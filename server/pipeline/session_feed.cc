@@ -8,9 +8,16 @@ SessionFeed::Watcher SessionFeed::Watch(Key session, std::function<void()> chang
   return last_;
 }
 
+SessionFeed::Watcher SessionFeed::WatchMap(std::string map, std::function<void(const std::string&)> changed) {
+  const std::lock_guard lock(mutex_);
+  map_watchers_.emplace(++last_, std::pair(std::move(map), std::move(changed)));
+  return last_;
+}
+
 void SessionFeed::Unwatch(Watcher watcher) {
   const std::lock_guard lock(mutex_);
   watchers_.erase(watcher);
+  map_watchers_.erase(watcher);
 }
 
 void SessionFeed::Changed(const Key& session) {
@@ -49,6 +56,7 @@ void SessionFeed::Close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;
   for (const auto& [watcher, entry] : watchers_) entry.second();
+  for (const auto& [watcher, entry] : map_watchers_) entry.second("");
 }
 
 bool SessionFeed::closed() const {
@@ -59,6 +67,9 @@ bool SessionFeed::closed() const {
 void SessionFeed::Tell(const Key& session) const {
   for (const auto& [watcher, entry] : watchers_) {
     if (entry.first == session) entry.second();
+  }
+  for (const auto& [watcher, entry] : map_watchers_) {
+    if (entry.first == session.first) entry.second(session.second);
   }
 }
 

@@ -25,6 +25,8 @@ class SessionFeed {
 
   /// `changed` is called after every change, and once if the feed closes; it must not block nor call the feed.
   Watcher Watch(Key session, std::function<void()> changed);
+  /// Likewise for every session of a map, with the id of the one that changed, empty when the feed closes.
+  Watcher WatchMap(std::string map, std::function<void(const std::string& session)> changed);
   /// `changed` is not running and will not be called again once this returns.
   void Unwatch(Watcher watcher);
 
@@ -50,6 +52,7 @@ class SessionFeed {
   bool closed_ = false;
   Watcher last_ = 0;
   std::map<Watcher, std::pair<Key, std::function<void()>>> watchers_;
+  std::map<Watcher, std::pair<std::string, std::function<void(const std::string&)>>> map_watchers_;
   std::map<Key, StageProgress> progress_;
 };
 

@@ -110,6 +110,24 @@ v1::Map ToProto(const Snapshot& snapshot) {
   return proto;
 }
 
+v1::Version ToProto(const MapVersion& version) {
+  v1::Version proto;
+  proto.set_epoch(version.commit.epoch);
+  proto.set_session(version.commit.session);
+  proto.set_base_epoch(version.commit.base_epoch);
+  proto.set_rollback(version.commit.rollback);
+  proto.set_time(version.commit.time);
+  proto.set_touched_tiles(version.commit.touched_tiles.size());
+  proto.set_readable(version.readable);
+  if (version.totals) {
+    proto.set_voxels(version.totals->voxels);
+    proto.set_static_voxels(version.totals->static_voxels);
+    proto.set_sessions(version.sessions);
+  }
+  for (const std::string& tag : version.tags) proto.add_tags(tag);
+  return proto;
+}
+
 v1::Session ToProto(const SessionRecord& session, const std::optional<StageProgress>& progress) {
   v1::Session proto;
   proto.set_map(session.map);

@@ -18,6 +18,7 @@
 namespace mapkeep {
 
 v1::Map ToProto(const Snapshot& snapshot);
+v1::Version ToProto(const MapVersion& version);
 v1::Session ToProto(const SessionRecord& session, const std::optional<StageProgress>& progress);
 v1::Pose ToProto(const Pose& pose);
 v1::Point ToProto(const Eigen::Vector3d& point);

@@ -4,6 +4,7 @@
 #include "server/log.h"
 #include "server/names.h"
 #include "server/rpc/answer.h"
+#include "server/rpc/convert.h"
 #include "server/rpc/epoch_comparison.h"
 #include "server/rpc/map_import.h"
 #include "server/rpc/map_service.h"
@@ -11,28 +12,6 @@
 #include "storage/rolled_back_sessions.h"
 
 namespace mapkeep {
-namespace {
-
-v1::Version ToProto(const MapVersion& version) {
-  v1::Version proto;
-  proto.set_epoch(version.commit.epoch);
-  proto.set_session(version.commit.session);
-  proto.set_base_epoch(version.commit.base_epoch);
-  proto.set_rollback(version.commit.rollback);
-  proto.set_time(version.commit.time);
-  proto.set_touched_tiles(version.commit.touched_tiles.size());
-  proto.set_readable(version.readable);
-  if (version.totals) {
-    proto.set_voxels(version.totals->voxels);
-    proto.set_static_voxels(version.totals->static_voxels);
-    proto.set_sessions(version.sessions);
-  }
-  for (const std::string& tag : version.tags) proto.add_tags(tag);
-  return proto;
-}
-
-}  // namespace
-
 grpc::ServerUnaryReactor* MapService::ListVersions(grpc::CallbackServerContext* call,
                                                    const v1::ListVersionsRequest* request,
                                                    v1::ListVersionsResponse* response) {

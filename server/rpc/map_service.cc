@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "core/voxels/block.h"
 #include "server/log.h"
@@ -13,6 +15,7 @@
 #include "server/rpc/answer.h"
 #include "server/rpc/convert.h"
 #include "server/rpc/paging.h"
+#include "server/rpc/voxel_answer.h"
 #include "storage/clock.h"
 
 namespace mapkeep {
@@ -123,30 +126,12 @@ absl::Status MapService::Query(const v1::QueryVoxelRequest& request, v1::QueryVo
   if (absl::Status status = CheckName("map name", request.map()); !status.ok()) return status;
   const auto point = FromProto(request.point(), "point");
   if (!point.ok()) return point.status();
-  const auto snapshot = context_.maps.Open(request.map());
+  const auto snapshot =
+      context_.maps.Open(request.map(), request.has_epoch() ? std::optional<uint64_t>(request.epoch()) : std::nullopt);
   if (!snapshot.ok()) return snapshot.status();
-  const double voxel_size = (*snapshot)->map().voxel_size;
-  const auto index = VoxelIndexOf(*point, voxel_size);
-  if (!index.ok()) return index.status();
-  const auto block = (*snapshot)->Read(BlockKeyOf(BlockOf(*index)));
-  if (!block.ok()) return block.status();
-  const Voxel* voxel = *block == nullptr ? nullptr : FindVoxel(**block, PositionInBlock(*index));
-  if (voxel == nullptr) {
-    return absl::NotFoundError(
-        absl::StrFormat("map %s has no voxel at (%g, %g, %g)", request.map(), point->x(), point->y(), point->z()));
-  }
-  const double hits = static_cast<double>(voxel->hits) / kCountScale;
-  const double exposures = static_cast<double>(voxel->exposures) / kCountScale;
-  response.set_epoch((*snapshot)->epoch());
-  response.set_hits(hits);
-  response.set_exposures(exposures);
-  response.set_stability(Stability(hits, exposures, context_.config.stages.filter.eta));
-  response.set_ground(voxel->ground);
-  response.set_is_static(voxel->is_static);
-  response.set_first_seen(SecondsSince1970(voxel->first_seen));
-  response.set_last_seen(SecondsSince1970(voxel->last_seen));
-  *response.mutable_mean() = ToProto(MeanOf(**block, *voxel, voxel_size));
-  response.set_intensity(voxel->intensity / 255.0);
+  auto found = VoxelAt(**snapshot, *point, context_.config.stages.filter.eta);
+  if (!found.ok()) return found.status();
+  response = *std::move(found);
   return absl::OkStatus();
 }
 

@@ -64,7 +64,8 @@ class Daemon:
             if self.process.poll() is not None or time.monotonic() > deadline:
                 raise AssertionError("the daemon did not start:\n" + (self.directory / "log").read_text())
             time.sleep(0.02)
-        self.server = json.loads(ports.read_text())["listen"]
+        said = json.loads(ports.read_text())
+        self.server, self.admin, self.http = said["listen"], said["admin"], said.get("http")
 
     def kill(self):
         """kill -9."""

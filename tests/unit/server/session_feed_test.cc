@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 namespace mapkeep {
 namespace {
 
@@ -17,6 +20,21 @@ TEST(SessionFeed, WatchersHearOfTheirSessionOnly) {
   feed.Unwatch(watcher);
   feed.Changed({"a", "1"});
   EXPECT_EQ(heard, 1);
+}
+
+TEST(SessionFeed, WhoWatchesAMapHearsOfEachOfItsSessions) {
+  SessionFeed feed;
+  std::vector<std::string> heard;
+  const auto watcher = feed.WatchMap("a", [&](const std::string& session) { heard.push_back(session); });
+  feed.Changed({"a", "1"});
+  feed.Changed({"b", "2"});
+  feed.SetProgress({"a", "3"}, {"align", 0.5});
+  EXPECT_EQ(heard, (std::vector<std::string>{"1", "3"}));
+  feed.Close();
+  EXPECT_EQ(heard.back(), "");
+  feed.Unwatch(watcher);
+  feed.Changed({"a", "4"});
+  EXPECT_EQ(heard.size(), 3U);
 }
 
 TEST(SessionFeed, ProgressIsToldInHundredths) {
