@@ -236,7 +236,8 @@ std::vector<Setting> MakeSettings() {
       Integer("limits.rpc_memory_mib", MAPKEEP_FIELD(limits.rpc_memory_mib), 32, 1 << 20,
               "MiB of gRPC's buffers, all connections together; near it everybody is read more slowly"),
       Integer("limits.keepalive_seconds", MAPKEEP_FIELD(limits.keepalive_seconds), 1, 3600,
-              "Seconds of silence after which a gRPC peer is asked whether it is there; it has half as many to answer"),
+              "Seconds of silence after which a gRPC peer is asked whether it is there; it has half as many to answer, "
+              "5 at least"),
       Integer("limits.handshake_seconds", MAPKEEP_FIELD(limits.handshake_seconds), 1, 600,
               "Seconds in which a new gRPC connection must have begun to speak HTTP/2"),
       Integer("limits.http_threads", MAPKEEP_FIELD(pages.threads), 1, 256,

@@ -5,6 +5,7 @@
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/resource_quota.h>
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -21,6 +22,8 @@ namespace mapkeep {
 namespace {
 
 constexpr int kLargestMessage = 8 << 20;
+// A peer on a busy machine may need as long to say that it is there.
+constexpr int kShortestAnswerMilliseconds = 5000;
 // Of one connection; proxies put many clients on one, and open another when it is full.
 constexpr int kMostStreams = 1024;
 
@@ -55,7 +58,8 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a taken port is an error, not a share
   // Finds clients that vanished without a word, and bears clients that do the same.
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 1000 * limits.keepalive_seconds);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 500 * limits.keepalive_seconds);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+                             std::max(kShortestAnswerMilliseconds, 500 * limits.keepalive_seconds));
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 1000 * limits.handshake_seconds);

@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include <chrono>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <thread>
@@ -33,6 +34,15 @@ double Metric(const DaemonProcess& daemon, const std::string& name) {
 }
 
 double ResidentMiB(const DaemonProcess& daemon) { return Metric(daemon, "mapkeep_process_resident_bytes") / kMiB; }
+
+class ConfigFile {
+ public:
+  explicit ConfigFile(const std::string& text) { std::ofstream(path()) << text; }
+  std::string path() const { return directory_.path() + "/mapkeepd.toml"; }
+
+ private:
+  const TemporaryDirectory directory_;
+};
 
 // Looks until it holds, for at most half a minute.
 template <typename Condition>
@@ -84,14 +94,8 @@ TEST(Robustness, ReadersThatDoNotReadHoldLittleAndHinderNobody) {
 }
 
 TEST(Robustness, APeerThatFellSilentLosesItsUploadAndTheRobotMayGoOn) {
-  const DaemonProcess daemon({"--config", [] {
-                                static const TemporaryDirectory directory;
-                                const std::string file = directory.path() + "/c.toml";
-                                FILE* out = std::fopen(file.c_str(), "w");
-                                std::fputs("[limits]\nkeepalive_seconds = 1\n", out);
-                                std::fclose(out);
-                                return file;
-                              }()});
+  const ConfigFile config("[limits]\nkeepalive_seconds = 1\n");
+  const DaemonProcess daemon({"--config", config.path()});
   Robot robot(daemon.listen());
   ASSERT_THAT(robot.CreateMap("site"), IsOk());
   const auto scans = SomeScans(2);
@@ -189,6 +193,40 @@ TEST(Robustness, LargestMessagesAreRefusedByNameAndTakeNoMoreThanTheirOwnMemory)
   EXPECT_LT(ResidentMiB(daemon) - before, 300);
   ASSERT_THAT(robot.Begin("site", "fine", scans), IsOk());
   EXPECT_THAT(robot.Send("site", "fine", scans), IsOk());
+}
+
+TEST(Robustness, ARobotOverItsQuotaIsToldWhenToComeAgainAndOthersGoOn) {
+  const ConfigFile config("[quota]\nrobot_sessions = 1\nrobot_mib = 64\nrobot_jobs = 1\nretry_seconds = 7\n");
+  DaemonProcess daemon({"--config", config.path()});
+  Robot robot(daemon.listen());
+  ASSERT_THAT(robot.CreateMap("site"), IsOk());
+  const auto scans = SomeScans(2);
+  const auto begin = [&](const std::string& id, const std::string& name) {
+    v1::BeginSessionRequest request;
+    request.set_map("site");
+    request.set_id(id);
+    request.set_robot(name);
+    for (const WireScan& scan : scans) request.add_scan_crc32c(scan.header.crc32c());
+    return CallAny(ChannelTo(daemon.listen()), "/mapkeep.v1.SessionService/BeginSession", request.SerializeAsString());
+  };
+  EXPECT_THAT(begin("a", "r7").status, IsOk());
+  for (const bool restarted : {false, true}) {
+    if (restarted) {
+      daemon.Kill();
+      daemon.Start();
+      ASSERT_TRUE(Eventually([&] { return Metric(daemon, "mapkeep_quota_sessions") == 1; })) << "found again";
+    }
+    const AnyAnswer refused = begin("b", "r7");
+    EXPECT_THAT(refused.status, FailsWith(grpc::StatusCode::RESOURCE_EXHAUSTED, {"r7", "quota.robot_sessions", "7 s"}));
+    EXPECT_EQ(refused.trailers.at("grpc-retry-pushback-ms"), "7000");
+    EXPECT_THAT(refused.status.error_details(), HasSubstr("google.rpc.RetryInfo"));
+    EXPECT_THAT(begin("a", "r7").status, IsOk()) << "what is begun may go on";
+  }
+  EXPECT_THAT(begin("c", "r8").status, IsOk()) << "others may begin";
+  Robot again(daemon.listen());
+  EXPECT_THAT(again.Send("site", "a", scans), IsOk());
+  EXPECT_THAT(again.DeleteSession("site", "a"), IsOk());
+  EXPECT_THAT(begin("b", "r7").status, IsOk()) << "there is room again";
 }
 
 TEST(Robustness, AStreamOfLargestScansIsStagedWithoutGrowing) {
