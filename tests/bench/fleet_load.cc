@@ -22,11 +22,11 @@ namespace {
 struct Arguments {
   ClientOptions server;
   std::string robot_tokens;
-  std::string map = "fleet", prefix = "robot", sensor = "vlp16";
+  std::string map = "fleet", prefix = "robot", sensor = "os1-64";
   int robots = 40, sessions = 1, readers = 2;
   size_t scans = 20, every_nth_point = 1;
   uint64_t seed = 1;
-  double route = 150;  // metres over which the robots' starts are spread
+  double route = 30;  // metres over which the robots' starts are spread
   bool keep_scans = false;
 };
 
@@ -157,6 +157,7 @@ int Run(int argc, char** argv) {
   app.add_option("--scans", a.scans, "of each session");
   app.add_option("--every-nth-point", a.every_nth_point)->check(CLI::Range(1, 1000));
   app.add_option("--readers", a.readers);
+  app.add_option("--route", a.route, "metres of street over which the robots' starts are spread");
   app.add_option("--sensor", a.sensor)->check(CLI::IsMember(SensorNames()));
   app.add_option("--seed", a.seed, "of the street");
   app.add_flag("--keep-scans", a.keep_scans);

@@ -22,7 +22,7 @@ import programs
 BALANCER = programs.ROOT / "deploy/balancer"
 CLUSTER = programs.ROOT / "tests/rados_cluster"
 ROBOTS = 40
-SCANS = 40 if programs.LONG else 12
+SCANS = 40 if programs.LONG else 15
 START_TIMEOUT_S = 60
 
 
@@ -193,7 +193,7 @@ class Fleet(contextlib.ExitStack):
         return subprocess.Popen(
             [programs.BIN / "fleet_load", "--server", f"localhost:{port}", "--tls-ca", str(self.scratch / "ca.crt"),
              "--token", self.tokens.operator, "--robot-tokens", str(self.tokens.robots_file), "--map", map_name,
-             "--prefix", "robot", "--robots", str(robots), "--scans", str(SCANS), "--every-nth-point", "2"],
+             "--prefix", "robot", "--robots", str(robots), "--scans", str(SCANS), "--every-nth-point", "3"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def committed(self, port, map_name):

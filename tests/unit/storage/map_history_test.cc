@@ -399,7 +399,9 @@ TEST_F(MapHistoryTest, ATilesVersionChangesWithItsContentAndComesBackWithIt) {
     std::map<TileKey, WriteId> found;
     const auto snapshot = maps_->Open("m", epoch);
     EXPECT_DONE(snapshot);
-    for (const TileEntry& entry : *(*snapshot)->TileEntries(std::nullopt)) {
+    const auto entries = (*snapshot)->TileEntries(std::nullopt);
+    EXPECT_DONE(entries);
+    for (const TileEntry& entry : *entries) {
       found[entry.key] = entry.version;
       EXPECT_EQ((*(*snapshot)->FindTile(entry.key))->version, entry.version);
     }
