@@ -36,8 +36,12 @@ TEST(TileSource, ServesTheTilesThatAnExportMakes) {
     return absl::OkStatus();
   });
   const auto snapshot = site.maps().Open("m");
-  for (const TileKey tile : *(*snapshot)->Tiles({})) {
-    for (const BlockKey key : *(*snapshot)->BlocksOf(tile)) ASSERT_TRUE(pyramid.Add(**(*snapshot)->Read(key)).ok());
+  const auto keys = (*snapshot)->Tiles({});
+  ASSERT_TRUE(keys.ok());
+  for (const TileKey tile : *keys) {
+    const auto blocks = (*snapshot)->BlocksOf(tile);
+    ASSERT_TRUE(blocks.ok());
+    for (const BlockKey key : *blocks) ASSERT_TRUE(pyramid.Add(**(*snapshot)->Read(key)).ok());
   }
   ASSERT_TRUE(pyramid.Finish().ok());
   ASSERT_EQ(exported.size(), tiles->tree.size());
