@@ -26,7 +26,7 @@ struct Arguments {
   int robots = 40, sessions = 1, readers = 2;
   size_t scans = 20, every_nth_point = 1;
   uint64_t seed = 1;
-  double route = 30;  // metres over which the robots' starts are spread
+  double route = 15;  // metres over which the robots' starts are spread
   bool keep_scans = false;
 };
 
@@ -72,15 +72,18 @@ absl::StatusOr<std::vector<Scan>> ScansOf(const SimulatedSession& session, size_
   return scans;
 }
 
+// One session of one robot, to its end. The founder drives four times as far with all of its points, so that the others
+// find a map that covers where they begin.
 absl::Status Drive(const Arguments& arguments, const Client& client, const Street& street, int robot, int number,
                    Outcome& outcome) {
+  const bool founder = robot == 0 && number == 0;
   const auto sensor = SensorNamed(arguments.sensor);
   if (!sensor.ok()) return sensor.status();
-  DriveParameters drive{.sensor = *sensor, .scans = arguments.scans};
+  DriveParameters drive{.sensor = *sensor, .scans = arguments.scans * (founder ? 4 : 1)};
   drive.start = arguments.route * robot / std::max(1, arguments.robots);
   const auto session = DriveThrough(street, number, drive);
   if (!session.ok()) return session.status();
-  const auto scans = ScansOf(*session, arguments.every_nth_point);
+  const auto scans = ScansOf(*session, founder ? 1 : arguments.every_nth_point);
   if (!scans.ok()) return scans.status();
   uint64_t bytes = 0;
   for (const Scan& scan : *scans) bytes += 16 * scan.points.size();
