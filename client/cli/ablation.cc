@@ -50,7 +50,8 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.sub_voxels = false;
   p.exposure.neighbour_hits = false;
   p.exposure.margin_by_range = 0;
-  p.restore = p.verify_ankles = p.cluster = p.inherit = p.departures = p.surround = p.refine_poses = false;
+  p.exposure.clear_around = 0;
+  p.restore = p.verify_ankles = p.cluster = p.confirm = p.inherit = p.departures = p.surround = p.refine_poses = false;
   std::vector<AblationStep> steps;
   const auto add = [&](const char* name) { steps.push_back({name, p}); };
   const DorParameters all;
@@ -67,6 +68,9 @@ std::vector<AblationStep> AblationSteps() {
   add("+ neighbour hits");
   p.exposure.sub_voxels = all.exposure.sub_voxels;
   add("+ sub-voxels");
+  p.exposure.clear_around = all.exposure.clear_around;
+  p.confirm = all.confirm;
+  add("+ confirmed voids");
   p.inherit = all.inherit;
   add("+ inherit");
   p.departures = all.departures;

@@ -9,6 +9,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/dor/near_voxels.h"
+
 namespace mapkeep {
 namespace {
 
@@ -20,6 +22,10 @@ constexpr double kMaxPersisting = 0.3;  // share of the voxels around that may
 constexpr int kMinWitnesses = 3;        // vacated voxels that must speak for another one
 constexpr double kMinOrdered = 0.8;     // share of a vacated voxel's exposures that come after its last hit
 constexpr uint32_t kMinHits = 3;        // of a vacated voxel
+constexpr uint32_t kMinConfirmed = 2;   // scans that make a confirmed void of one
+
+// Why a voxel may have been vacated.
+constexpr char kFree = 1, kConfirmed = 2;
 
 // One direction of time. An arrival is a departure seen backwards.
 class Departures {
@@ -34,9 +40,11 @@ class Departures {
         free_(std::move(free)),
         near_(std::max(kNearVoxels, kNear / parameters.voxel_size)) {}
 
-  // `free_scans`: by id, how many scans looked through a voxel after it was left.
-  void Mark(const std::vector<uint32_t>& free_scans, const VoxelCounts& counts, std::vector<char>& departed) {
-    FindVacated(free_scans, counts);
+  // `free_scans`: by id, how many scans looked through a voxel after it was left; `confirmed_scans`: how many of those
+  // confirmed the void.
+  void Mark(const std::vector<uint32_t>& free_scans, const std::vector<uint32_t>& confirmed_scans,
+            const VoxelCounts& counts, std::vector<char>& departed) {
+    FindVacated(free_scans, confirmed_scans, counts);
     if (vacated_.empty()) return;
     const auto vacated_around = VacatedByCell();
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024),
@@ -53,25 +61,38 @@ class Departures {
  private:
   using Cell = std::array<int32_t, 3>;
 
-  // Densely and at the same time: what is looked through here and there does not count.
-  void FindVacated(const std::vector<uint32_t>& free_scans, const VoxelCounts& counts) {
-    std::vector<char> is_free(indices_.size());
+  // Densely and at the same time, and near a confirmed void: what is looked through here and there does not count.
+  void FindVacated(const std::vector<uint32_t>& free_scans, const std::vector<uint32_t>& confirmed_scans,
+                   const VoxelCounts& counts) {
+    std::vector<char> kinds(indices_.size());
     std::vector<uint32_t> free;
+    NearVoxels confirmed(parameters_.confirm_reach / parameters_.voxel_size);
     for (uint32_t id = 0; id < indices_.size(); ++id) {
       if (!candidates_[id] || counts.hits[id] < kMinHits) continue;
-      if (free_scans[id] < static_cast<uint32_t>(parameters_.vacated_scans)) continue;
-      if (free_scans[id] < kMinOrdered * counts.exposures[id]) continue;
-      is_free[id] = 1;
-      free.push_back(id);
+      if (confirmed_scans[id] > 0 && confirmed_scans[id] >= kMinOrdered * counts.confirmed[id]) {
+        confirmed.Insert(indices_[id]);
+        if (confirmed_scans[id] >= kMinConfirmed) kinds[id] |= kConfirmed;
+      }
+      if (free_scans[id] >= static_cast<uint32_t>(parameters_.vacated_scans) &&
+          free_scans[id] >= kMinOrdered * counts.exposures[id]) {
+        kinds[id] |= kFree;
+      }
+      if (kinds[id] != 0) free.push_back(id);
     }
+    confirmed.Finish();
     std::vector<char> is_vacated(free.size());
     tbb::parallel_for(tbb::blocked_range<size_t>(0, free.size(), 256), [&](const auto& range) {
       for (size_t i = range.begin(); i != range.end(); ++i) {
-        int together = 0;
+        if (!confirmed.AnyNear(indices_[free[i]])) continue;
+        int together = 0, together_confirmed = 0;
         ForEachNear(free[i], [&](uint32_t other) {
-          together += is_free[other] && std::abs(last_[other] - last_[free[i]]) <= kSlack;
+          if (std::abs(last_[other] - last_[free[i]]) > kSlack) return;
+          together += (kinds[other] & kFree) != 0;
+          together_confirmed += (kinds[other] & kConfirmed) != 0;
         });
-        is_vacated[i] = together >= parameters_.vacated_neighbours;
+        const char kind = kinds[free[i]];
+        is_vacated[i] = ((kind & kFree) != 0 && together >= parameters_.vacated_neighbours) ||
+                        ((kind & kConfirmed) != 0 && together_confirmed >= parameters_.confirmed_neighbours);
       }
     });
     for (size_t i = 0; i < free.size(); ++i) {
@@ -168,9 +189,9 @@ std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& count
     return times;
   };
   Departures(grid, indices, candidates, parameters, in_time(counts.last_hit, 1), in_time(counts.free_from, 1))
-      .Mark(counts.late, counts, departed);
+      .Mark(counts.late, counts.confirmed_late, counts, departed);
   Departures(grid, indices, candidates, parameters, in_time(counts.first_hit, -1), in_time(counts.free_until, -1))
-      .Mark(counts.early, counts, departed);
+      .Mark(counts.early, counts.confirmed_early, counts, departed);
   return departed;
 }
 

@@ -11,16 +11,19 @@ namespace mapkeep {
 
 /// Parameters of FindDepartures.
 struct DepartureParameters {
-  double voxel_size = 0.2;      ///< metres, of the grid
-  int vacated_scans = 5;        ///< scans that must look through a voxel after its last hit
-  int vacated_neighbours = 14;  ///< vacated voxels around one, itself included, that were left at the same time
-  double reach = 1.6;           ///< metres around such voxels in which the rest of the object is looked for
+  double voxel_size = 0.2;       ///< metres, of the grid
+  int vacated_scans = 4;         ///< scans that must look through a voxel after its last hit
+  int vacated_neighbours = 10;   ///< vacated voxels around one, itself included, that were left at the same time
+  int confirmed_neighbours = 3;  ///< or so many vacated voxels that were confirmed as voids in two scans
+  double confirm_reach = 1.2;    ///< metres, see NearVoxels: no voxel was vacated without a confirmed void so near
+  double reach = 1.6;            ///< metres around such voxels in which the rest of the object is looked for
 };
 
 /// The voxels of what stood still for a part of the session and then drove off, or came and stayed: a car that waits at
 /// a light has about as many hits as exposures, so R (eq. 4) cannot tell it from a hedge. The order of the scans can:
 /// all hits come first, then all exposures, and for all voxels of the object at about the same time. What is merely
-/// seen at a worse angle later is looked through here and there, not densely and not at once.
+/// seen at a worse angle later is looked through here and there, not densely and not at once, and is never a confirmed
+/// void.
 ///
 /// `candidates` says by id which voxels may belong to such an object: those that were hit and are not ground. Gives
 /// one flag a voxel, by id. Nothing departs if the counts do not know the order of the scans.

@@ -30,6 +30,7 @@ class ScanMarks {
     BrickBits hit{};
     BrickBits shielded{};  // hit, or beside a hit: the scan does not expose it
     BrickBits exposed{};
+    BrickBits confirmed{};  // of the exposed
   };
 
   explicit ScanMarks(size_t bricks) : of_brick_(bricks, kNoBrick) {}
@@ -56,10 +57,20 @@ class ScanMarks {
     return local == kNoBrick ? nullptr : &marks_[local];
   }
 
-  std::vector<VoxelIndex> voxels;          // of the scan's points
-  std::vector<Eigen::Vector3d> positions;  // of the points, in voxel edges
-  std::vector<Eigen::Vector3d> to_ends;    // from the sensor to the points, in voxel edges
+  std::vector<VoxelIndex> voxels;             // of the scan's points
+  std::vector<Eigen::Vector3d> positions;     // of the points, in voxel edges
+  std::array<std::vector<float>, 3> to_ends;  // from the sensor to the points, in voxel edges
   RayBins bins;
+
+  // Voxels that wait for the rays to be asked about them: where their marks go.
+  struct Asked {
+    int32_t brick = 0;
+    int32_t layer = 0;
+    uint64_t bit = 0;
+  };
+  std::vector<Asked> asked;
+  RayTargets targets;
+  std::vector<uint8_t> seen;
 
  private:
   std::vector<int32_t> of_brick_;
@@ -70,13 +81,16 @@ class ScanMarks {
 class ScanCount {
  public:
   // The scratch holds the points' voxels and positions; `sensor` is in voxel edges too.
-  ScanCount(const Eigen::Vector3d& sensor, const SessionVoxels& voxels, const ExposureParameters& parameters,
-            ScanMarks& scratch)
+  ScanCount(const Eigen::Vector3d& sensor, const SessionVoxels& voxels, const std::vector<BoxCode>& boxes,
+            double voxel_size, const ExposureParameters& parameters, ScanMarks& scratch)
       : grid_(voxels.grid),
         masks_(voxels.masks),
+        boxes_(boxes),
         parameters_(parameters),
         from_(sensor),
-        end_(1 - parameters.margin_by_range),
+        end_(static_cast<float>(1 - parameters.margin_by_range)),
+        clearance_{static_cast<float>(parameters.clear_around / voxel_size),
+                   static_cast<float>(parameters.clear_behind / voxel_size)},
         scratch_(scratch) {}
 
   // Marks what the points hit.
@@ -101,28 +115,43 @@ class ScanCount {
 
   // The reference: walks the ray of every point.
   void WalkRays(const VoxelIndex& sensor) {
-    for (size_t i = 0; i < scratch_.voxels.size(); ++i) WalkRay(sensor, Ray(ToEnd(i)), scratch_.voxels[i]);
+    for (size_t i = 0; i < scratch_.voxels.size(); ++i) {
+      const Eigen::Vector3d to_end = scratch_.positions[i] - from_;
+      WalkRay(sensor, to_end, Ray(to_end), scratch_.voxels[i]);
+    }
   }
 
-  // The same without walking: asks for every voxel that the scan might see whether a ray passes through it.
-  void ProjectVoxels() {
-    scratch_.to_ends.clear();
-    for (size_t i = 0; i < scratch_.voxels.size(); ++i) scratch_.to_ends.push_back(ToEnd(i));
+  // Asks for every voxel that the scan might see what the rays say about it, without walking any; of the answers those
+  // in `wanted` count.
+  void AskVoxels(uint8_t wanted) {
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<float>& ends = scratch_.to_ends[axis];
+      ends.resize(scratch_.positions.size());
+      for (size_t i = 0; i < ends.size(); ++i) ends[i] = static_cast<float>(scratch_.positions[i][axis] - from_[axis]);
+    }
     scratch_.bins.Build(scratch_.to_ends, end_);
     for (const BlockBricks& block : grid_.blocks()) {
       if (!MayReachCube(block.corner, kBlockSize)) continue;
       for (int32_t brick = block.first; brick < block.end; ++brick) {
-        if (MayReachCube(grid_.CornerOfBrick(brick), kBrickSize)) ProjectBrick(brick);
+        if (!MayReachCube(grid_.CornerOfBrick(brick), kBrickSize)) continue;
+        AskBrick(brick);
+        if (scratch_.asked.size() >= kBatch) TakeAnswers(wanted);
       }
     }
+    TakeAnswers(wanted);
   }
 
  private:
-  Eigen::Vector3d ToEnd(size_t point) const { return scratch_.positions[point] - from_; }
+  static constexpr size_t kBatch = 1024;  // voxels asked for at once
 
-  uint64_t MaskOf(uint32_t id) const {
-    // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
-    return parameters_.sub_voxels && masks_[id] != 0 ? masks_[id] : kFullMask;
+  std::array<float, 3> FromSensor(const VoxelIndex& corner) const {
+    return {static_cast<float>(corner.x - from_.x()), static_cast<float>(corner.y - from_.y()),
+            static_cast<float>(corner.z - from_.z())};
+  }
+
+  // `cube` is the voxel's brick, seen from the sensor.
+  RayTarget TargetOf(const std::array<float, 3>& cube, int x, int y, int z, uint32_t id) const {
+    return {cube, {x, y, z}, masks_[id], boxes_[id]};
   }
 
   // The 8 voxels around in the same layer.
@@ -142,8 +171,8 @@ class ScanCount {
     }
   }
 
-  void WalkRay(const VoxelIndex& sensor, const Ray& ray, const VoxelIndex& last) {
-    RayWalk walk(from_, sensor, from_ + ray.along, last);
+  void WalkRay(const VoxelIndex& sensor, const Eigen::Vector3d& to_end, const Ray& ray, const VoxelIndex& last) {
+    RayWalk walk(from_, sensor, from_ + to_end, last);
     while (!walk.done() && walk.entry_time() < end_) {
       const auto [x, y, z] = walk.at();
       const int32_t brick = grid_.FindBrick(x >> kBrickBits, y >> kBrickBits, z >> kBrickBits);
@@ -151,54 +180,62 @@ class ScanCount {
         walk.LeaveCube(kBrickBits);
         continue;
       }
-      const VoxelIndex voxel{x, y, z};
       const int layer = LayerInBrick(z);
       const uint64_t bit = BitInLayer(x, y);
       ScanMarks::Marks& marks = scratch_.Of(brick);
       if ((grid_.bits(brick)[layer] & ~marks.shielded[layer] & ~marks.exposed[layer] & bit) != 0) {
-        const uint64_t mask = MaskOf(grid_.IdInBrick(brick, layer, bit));
-        if (SeesThrough(ray, RayTarget(voxel, mask, from_), end_)) marks.exposed[layer] |= bit;
+        const RayTarget target = TargetOf(FromSensor(grid_.CornerOfBrick(brick)), x & (kBrickSize - 1),
+                                          y & (kBrickSize - 1), layer, grid_.IdInBrick(brick, layer, bit));
+        if (SeesThrough(ray, target, end_)) marks.exposed[layer] |= bit;
       }
       walk.Step();
     }
   }
 
   bool MayReachCube(const VoxelIndex& corner, int32_t size) const {
-    const Eigen::Vector3d centre(corner.x + 0.5 * size, corner.y + 0.5 * size, corner.z + 0.5 * size);
-    return scratch_.bins.MayReach({centre - from_, size / std::numbers::sqrt2, 0.5 * size});
+    const double half = 0.5 * size;
+    return scratch_.bins.MayReach(
+        {{static_cast<float>(corner.x + half - from_.x()), static_cast<float>(corner.y + half - from_.y()),
+          static_cast<float>(corner.z + half - from_.z())},
+         static_cast<float>(1.001 * size / std::numbers::sqrt2),
+         static_cast<float>(1.001 * half)});
   }
 
-  void ProjectBrick(int32_t brick) {
+  void AskBrick(int32_t brick) {
     const ScanMarks::Marks* marks = scratch_.Find(brick);
-    const VoxelIndex corner = grid_.CornerOfBrick(brick);
+    const std::array<float, 3> cube = FromSensor(grid_.CornerOfBrick(brick));
     for (int layer = 0; layer < kBrickSize; ++layer) {
       const uint64_t open = grid_.bits(brick)[layer] & ~(marks == nullptr ? 0 : marks->shielded[layer]);
-      if (open == 0) continue;
-      uint64_t exposed = 0;
       for (uint64_t rest = open; rest != 0; rest &= rest - 1) {
         const uint64_t bit = rest & -rest;
         const int at = std::countr_zero(rest);
-        const VoxelIndex voxel{corner.x + (at & 7), corner.y + (at >> 3), corner.z + layer};
-        if (IsExposed(voxel, MaskOf(grid_.IdInBrick(brick, layer, bit)))) exposed |= bit;
+        scratch_.targets.Add(TargetOf(cube, at & 7, at >> 3, layer, grid_.IdInBrick(brick, layer, bit)));
+        scratch_.asked.push_back({brick, layer, bit});
       }
-      if (exposed == 0) continue;
-      scratch_.Of(brick).exposed[layer] |= exposed;
-      marks = scratch_.Find(brick);
     }
   }
 
-  bool IsExposed(const VoxelIndex& voxel, uint64_t mask) const {
-    const RayTarget target(voxel, mask, from_);
-    const Eigen::Vector3d half = (target.high - target.low) / 2;
-    const RayBins::Region region{target.low + half, std::sqrt(half.x() * half.x() + half.y() * half.y()), half.z()};
-    return scratch_.bins.AnyRay(region, [&](const Ray& ray) { return SeesThrough(ray, target, end_); });
+  void TakeAnswers(uint8_t wanted) {
+    scratch_.bins.Look(scratch_.targets, clearance_, scratch_.seen);
+    for (size_t i = 0; i < scratch_.asked.size(); ++i) {
+      const uint8_t seen = scratch_.seen[i] & wanted;
+      if (seen == 0) continue;
+      const ScanMarks::Asked& asked = scratch_.asked[i];
+      ScanMarks::Marks& marks = scratch_.Of(asked.brick);
+      if ((seen & RayBins::kSeenThrough) != 0) marks.exposed[asked.layer] |= asked.bit;
+      if ((seen & RayBins::kConfirmed) != 0) marks.confirmed[asked.layer] |= asked.bit;
+    }
+    scratch_.asked.clear();
+    scratch_.targets.Clear();
   }
 
   const VoxelGrid& grid_;
   const std::vector<uint64_t>& masks_;
+  const std::vector<BoxCode>& boxes_;  // of the masks
   const ExposureParameters& parameters_;
   const Eigen::Vector3d from_;  // the sensor, in voxel edges
-  const double end_;            // the share of a ray that exposes
+  const float end_;             // the share of a ray that exposes
+  const RayBins::Clearance clearance_;
   ScanMarks& scratch_;
 };
 
@@ -209,11 +246,13 @@ void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& count
         const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
         if (counts.hits[id] == 0) {
           counts.early[id] = counts.exposures[id];
+          counts.confirmed_early[id] = counts.confirmed[id];
           counts.first_hit[id] = now;
         }
         ++counts.hits[id];
         counts.last_hit[id] = now;
         counts.late[id] = 0;
+        counts.confirmed_late[id] = 0;
       }
       for (uint64_t rest = marks.exposed[layer]; rest != 0; rest &= rest - 1) {
         const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
@@ -221,6 +260,11 @@ void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& count
         if (counts.late[id] == 0) counts.free_from[id] = now;
         ++counts.exposures[id];
         ++counts.late[id];
+      }
+      for (uint64_t rest = marks.confirmed[layer]; rest != 0; rest &= rest - 1) {
+        const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
+        ++counts.confirmed[id];
+        ++counts.confirmed_late[id];
       }
     }
   }
@@ -286,15 +330,17 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
                                         const ProgressPart& progress) {
   const VoxelGrid& grid = voxels.grid;
   const size_t size = grid.size();
-  VoxelCounts counts{.hits = std::vector<uint32_t>(size),
-                     .exposures = std::vector<uint32_t>(size),
-                     .ordered = voxels.ordered,
-                     .early = std::vector<uint32_t>(size),
-                     .late = std::vector<uint32_t>(size),
-                     .first_hit = std::vector<uint32_t>(size),
-                     .last_hit = std::vector<uint32_t>(size),
-                     .free_until = std::vector<uint32_t>(size),
-                     .free_from = std::vector<uint32_t>(size)};
+  VoxelCounts counts{.ordered = voxels.ordered};
+  for (std::vector<uint32_t>* column :
+       {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late, &counts.first_hit,
+        &counts.last_hit, &counts.free_until, &counts.free_from, &counts.confirmed_early, &counts.confirmed_late}) {
+    column->resize(size);
+  }
+  std::vector<BoxCode> boxes(size);
+  for (size_t id = 0; id < size; ++id) {
+    // A watched voxel without points has no sub-voxels to look through: any ray exposes it.
+    boxes[id] = CodeOf(parameters.sub_voxels && voxels.masks[id] != 0 ? voxels.masks[id] : kFullMask);
+  }
   std::vector<ScanMarks> scratches(ScanSlots(), ScanMarks(grid.brick_count()));
   const auto count = [&](size_t index, const Scan& scan, size_t slot) -> absl::Status {
     ScanMarks& scratch = scratches[slot];
@@ -302,12 +348,13 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
       return status;
     const auto sensor = VoxelIndexOf(poses[index].translation(), voxel_size);
     if (!sensor.ok()) return {sensor.status().code(), absl::StrCat("its sensor position: ", sensor.status().message())};
-    ScanCount scan_count(poses[index].translation() / voxel_size, voxels, parameters, scratch);
+    ScanCount scan_count(poses[index].translation() / voxel_size, voxels, boxes, voxel_size, parameters, scratch);
     scan_count.MarkHits();
     if (parameters.engine == ExposureEngine::kRayWalk) {
       scan_count.WalkRays(*sensor);
+      if (parameters.clear_around > 0) scan_count.AskVoxels(RayBins::kConfirmed);
     } else {
-      scan_count.ProjectVoxels();
+      scan_count.AskVoxels(RayBins::kSeenThrough | RayBins::kConfirmed);
     }
     return absl::OkStatus();
   };

@@ -29,15 +29,18 @@ struct SessionVoxels {
 struct VoxelCounts {
   std::vector<uint32_t> hits;       ///< scans with a point in the voxel
   std::vector<uint32_t> exposures;  ///< scans that looked through it and had no point in it
+  std::vector<uint32_t> confirmed;  ///< of those, the ones to which all around it was clear, too
 
   // What the order of the scans adds. Scans are counted from 0 in the order of time.
-  bool ordered = false;              ///< false: the times are not known, and what follows means nothing
-  std::vector<uint32_t> early;       ///< exposures before the first hit
-  std::vector<uint32_t> late;        ///< exposures after the last hit
-  std::vector<uint32_t> first_hit;   ///< the scan of the first hit
-  std::vector<uint32_t> last_hit;    ///< and of the last
-  std::vector<uint32_t> free_until;  ///< where early > 0: the last of those exposures
-  std::vector<uint32_t> free_from;   ///< where late > 0: the first of those
+  bool ordered = false;                   ///< false: the times are not known, and what follows means nothing
+  std::vector<uint32_t> early;            ///< exposures before the first hit
+  std::vector<uint32_t> late;             ///< exposures after the last hit
+  std::vector<uint32_t> first_hit;        ///< the scan of the first hit
+  std::vector<uint32_t> last_hit;         ///< and of the last
+  std::vector<uint32_t> free_until;       ///< where early > 0: the last of those exposures
+  std::vector<uint32_t> free_from;        ///< where late > 0: the first of those
+  std::vector<uint32_t> confirmed_early;  ///< confirmed exposures before the first hit
+  std::vector<uint32_t> confirmed_late;   ///< and after the last
 };
 
 /// The first pass. Errors as RemoveDynamicObjects.

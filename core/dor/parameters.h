@@ -18,6 +18,11 @@ struct ExposureParameters {
   bool sub_voxels = true;  ///< a ray exposes a voxel only where the session has points in it, to a quarter of its edge
   bool neighbour_hits = true;     ///< a voxel is not exposed by a scan that hits one beside it in its layer
   double margin_by_range = 0.02;  ///< the last part of a ray exposes nothing: metres a metre of its length
+
+  /// A ray that sees through a voxel confirms it as a void if all rays of its scan that pass this close to the voxel
+  /// end this far behind it: metres. Voxels on surfaces are seen through at grazing angles, but never so. 0 around:
+  /// nothing is confirmed.
+  double clear_around = 0.2, clear_behind = 0.5;
 };
 
 /// How the poses of the scans are refined before removal (RefinePoses).
@@ -55,9 +60,14 @@ struct DorParameters {
   int cluster_min_neighbours = 5;    ///< N_min of DBSCAN, a voxel counts itself
   double cluster_threshold = 0.35;   ///< tau_cluster: a cluster whose mean R is below it is dynamic
 
+  bool confirm = true;         ///< what is dynamic by its R stays if no confirmed void is near
+  int confirmed_scans = 1;     ///< in which a dynamic voxel must have been a confirmed void to count as one
+  double confirm_reach = 1.2;  ///< edge of the cells in which, and in whose neighbours, it is looked for, metres
+
   bool departures = true;        ///< find what stood still and then left, or came and stayed, by the order of scans
-  int vacated_scans = 5;         ///< scans that look through a voxel after its last hit for it to have been left
-  int vacated_neighbours = 14;   ///< voxels of 0.2 m around it that were left at the same time, itself included
+  int vacated_scans = 4;         ///< scans that look through a voxel after its last hit for it to have been left
+  int vacated_neighbours = 10;   ///< voxels of 0.2 m around it that were left at the same time, itself included
+  int vacated_confirmed = 3;     ///< or so many that were confirmed as voids in two scans after their last hit
   double departure_reach = 1.6;  ///< metres around those in which the rest of the object is looked for
 
   bool inherit = true;    ///< voxels with little evidence follow those around them

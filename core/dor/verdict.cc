@@ -9,6 +9,7 @@
 #include "core/dor/clusters.h"
 #include "core/dor/departures.h"
 #include "core/dor/ground.h"
+#include "core/dor/near_voxels.h"
 #include "core/dor/restoration.h"
 #include "core/dor/surface.h"
 #include "core/voxels/block.h"
@@ -162,6 +163,22 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   }
 }
 
+// What is dynamic for its R must have moved through a place that was clear: surfaces are looked through at grazing
+// angles, but there no confirmed void is near.
+void Confirm(const Scene& scene, const VoxelCounts& counts, const DorParameters& parameters,
+             std::vector<VoxelVerdict>& verdicts) {
+  NearVoxels confirmed(parameters.confirm_reach / parameters.voxel_size);
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdicts[id] != VoxelVerdict::kDynamic) continue;
+    if (counts.confirmed[id] >= static_cast<uint32_t>(parameters.confirmed_scans)) confirmed.Insert(scene.index(id));
+  }
+  confirmed.Finish();
+  scene.ForEach([&](uint32_t id) {
+    if (verdicts[id] != VoxelVerdict::kDynamic || confirmed.AnyNear(scene.index(id))) return;
+    verdicts[id] = VoxelVerdict::kStatic;
+  });
+}
+
 // What left or came during the session.
 void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, const DorParameters& parameters,
                      std::vector<VoxelVerdict>& verdicts) {
@@ -176,6 +193,8 @@ void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, con
                      {.voxel_size = parameters.voxel_size,
                       .vacated_scans = parameters.vacated_scans,
                       .vacated_neighbours = static_cast<int>(std::lround(more * parameters.vacated_neighbours)),
+                      .confirmed_neighbours = static_cast<int>(std::lround(more * parameters.vacated_confirmed)),
+                      .confirm_reach = parameters.confirm_reach / 2,
                       .reach = parameters.departure_reach});
   for (uint32_t id = 0; id < verdicts.size(); ++id) {
     if (departed[id]) verdicts[id] = VoxelVerdict::kDynamic;
@@ -292,6 +311,7 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
   if (parameters.protect_ground) ProtectGround(scene, poses, parameters, verdict.voxels, heights);
   JudgeVoxels(scene, parameters, verdict.voxels);
   if (parameters.cluster) JudgeClusters(scene, parameters, verdict.voxels);
+  if (parameters.confirm && parameters.exposure.clear_around > 0) Confirm(scene, counts, parameters, verdict.voxels);
   if (parameters.departures) JudgeDepartures(voxels, counts, parameters, verdict.voxels);
   if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
   if (parameters.surround) JudgeSurrounded(scene, parameters, verdict.voxels);

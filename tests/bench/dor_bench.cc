@@ -160,8 +160,10 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("cluster_radius", &DorParameters::cluster_radius);
   vary("cluster_min_neighbours", &DorParameters::cluster_min_neighbours);
   vary("cluster_threshold", &DorParameters::cluster_threshold);
+  vary("confirm_reach", &DorParameters::confirm_reach);
   vary("vacated_scans", &DorParameters::vacated_scans);
   vary("vacated_neighbours", &DorParameters::vacated_neighbours);
+  vary("vacated_confirmed", &DorParameters::vacated_confirmed);
   vary("departure_reach", &DorParameters::departure_reach);
   vary("decided_scans", &DorParameters::decided_scans);
   vary("surrounded_share", &DorParameters::surrounded_share);
@@ -173,6 +175,7 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   };
   without("protect_ground", &DorParameters::protect_ground);
   without("cluster", &DorParameters::cluster);
+  without("confirm", &DorParameters::confirm);
   without("departures", &DorParameters::departures);
   without("inherit", &DorParameters::inherit);
   without("surround", &DorParameters::surround);
@@ -188,6 +191,10 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   again("voxel_size + 1/3", [](DorParameters& p) { p.voxel_size *= 4.0 / 3; });
   again("exposure.margin_by_range - 1/3", [](DorParameters& p) { p.exposure.margin_by_range *= 2.0 / 3; });
   again("exposure.margin_by_range + 1/3", [](DorParameters& p) { p.exposure.margin_by_range *= 4.0 / 3; });
+  again("exposure.clear_around - 1/3", [](DorParameters& p) { p.exposure.clear_around *= 2.0 / 3; });
+  again("exposure.clear_around + 1/3", [](DorParameters& p) { p.exposure.clear_around *= 4.0 / 3; });
+  again("exposure.clear_behind - 1/3", [](DorParameters& p) { p.exposure.clear_behind *= 2.0 / 3; });
+  again("exposure.clear_behind + 1/3", [](DorParameters& p) { p.exposure.clear_behind *= 4.0 / 3; });
   again("without exposure.margin_by_range", [](DorParameters& p) { p.exposure.margin_by_range = 0; });
   again("without exposure.sub_voxels", [](DorParameters& p) { p.exposure.sub_voxels = false; });
   again("without exposure.neighbour_hits", [](DorParameters& p) { p.exposure.neighbour_hits = false; });

@@ -24,6 +24,7 @@ void AddDorOptions(CLI::App& app, DorParameters& p) {
   app.add_option("--ankle", p.verify_ankles);
   app.add_option("--ankle-tolerance", p.ankle_tolerance);
   app.add_option("--refine-poses", p.refine_poses);
+  app.add_option("--confirm", p.confirm);
   app.add_option("--departures", p.departures);
   app.add_option("--surround", p.surround);
   app.add_option("--inherit", p.inherit);

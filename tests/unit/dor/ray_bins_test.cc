@@ -8,8 +8,40 @@
 namespace mapkeep {
 namespace {
 
-// Every ray that passes through an upright box is offered, for sensors that look everywhere and ones that look ahead.
-TEST(RayBins, OffersEveryRayThatPassesTheRegion) {
+using Columns = std::array<std::vector<float>, 3>;
+
+Columns ColumnsOf(const std::vector<Eigen::Vector3d>& vectors) {
+  Columns columns;
+  for (const auto& vector : vectors) {
+    for (int axis = 0; axis < 3; ++axis) columns[axis].push_back(static_cast<float>(vector[axis]));
+  }
+  return columns;
+}
+
+// A solid box of any size: what rays know of a voxel is a box as well.
+RayTarget BoxAt(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+  RayTarget target({static_cast<float>(low.x()), static_cast<float>(low.y()), static_cast<float>(low.z())}, {0, 0, 0},
+                   kFullMask, CodeOf(kFullMask));
+  for (int axis = 0; axis < 3; ++axis) target.high[axis] = static_cast<float>(high[axis]);
+  return target;
+}
+
+RayTarget VoxelAt(int x, int y, int z, uint64_t mask = kFullMask) {
+  return {{-0.5F, -0.5F, -0.5F}, {x, y, z}, mask, CodeOf(mask)};
+}
+
+// What the rays say of voxels whose middles are so many edges from the sensor.
+std::vector<uint8_t> LookAt(RayBins& bins, const std::vector<RayTarget>& voxels,
+                            const RayBins::Clearance& clearance = {}) {
+  RayTargets targets;
+  for (const RayTarget& voxel : voxels) targets.Add(voxel);
+  std::vector<uint8_t> seen;
+  bins.Look(targets, clearance, seen);
+  return seen;
+}
+
+// Any ray that passes through an upright box is found, for sensors that look everywhere and ones that look ahead.
+TEST(RayBins, FindsEveryBoxThatARayPasses) {
   std::mt19937 random(5);
   std::normal_distribution<double> any;
   std::uniform_real_distribution<double> place(-12, 12), size(0.05, 3);
@@ -20,27 +52,20 @@ TEST(RayBins, OffersEveryRayThatPassesTheRegion) {
       end = 10 * Eigen::Vector3d(any(random), any(random), 0.3 * any(random));
       if (ahead) end = Eigen::Vector3d(20 + std::abs(end.x()), 0.2 * end.y(), end.z());
     }
-    bins.Build(ends, 1);
-    size_t passing = 0;
+    bins.Build(ColumnsOf(ends), 1);
+    std::vector<RayTarget> boxes;
     for (int i = 0; i < 2000; ++i) {
       const Eigen::Vector3d centre(place(random), place(random), place(random) / 4);
       const Eigen::Vector3d half(size(random), size(random), size(random));
-      const auto passes = [&](const Ray& ray) {
-        double enter = 0, leave = 1;
-        for (int axis = 0; axis < 3; ++axis) {
-          const double a = (centre[axis] - half[axis]) * ray.inverse[axis];
-          const double b = (centre[axis] + half[axis]) * ray.inverse[axis];
-          enter = std::max(enter, std::min(a, b));
-          leave = std::min(leave, std::max(a, b));
-        }
-        return enter < leave && leave < 1;
-      };
+      boxes.push_back(BoxAt(centre - half, centre + half));
+    }
+    const std::vector<uint8_t> seen = LookAt(bins, boxes);
+    size_t passing = 0;
+    for (size_t i = 0; i < boxes.size(); ++i) {
       bool expected = false;
-      for (const auto& end : ends) expected |= passes(Ray(end));
+      for (const auto& end : ends) expected |= SeesThrough(Ray(end), boxes[i], 1);
       passing += expected;
-      const RayBins::Region region{centre, half.head<2>().norm(), half.z()};
-      ASSERT_EQ(bins.AnyRay(region, passes), expected);
-      ASSERT_GE(bins.MayReach(region), expected);
+      ASSERT_EQ(seen[i] != 0, expected);
     }
     EXPECT_GT(passing, 200U);
   }
@@ -48,24 +73,85 @@ TEST(RayBins, OffersEveryRayThatPassesTheRegion) {
 
 TEST(RayBins, OneRayIsEnough) {
   RayBins bins;
-  bins.Build(std::vector<Eigen::Vector3d>{{5, 0, 0}}, 1);
-  const auto any = [](const Ray&) { return true; };
-  EXPECT_TRUE(bins.AnyRay({{3, 0, 0}, 0.1, 0.1}, any));
-  EXPECT_FALSE(bins.AnyRay({{6, 0, 0}, 0.1, 0.1}, any));
-  EXPECT_FALSE(bins.AnyRay({{3, 0, 2}, 0.1, 0.1}, any));
+  bins.Build(ColumnsOf({{5, 0, 0}}), 1);
+  EXPECT_EQ(LookAt(bins, {VoxelAt(3, 0, 0), VoxelAt(6, 0, 0), VoxelAt(3, 0, 2)}),
+            (std::vector<uint8_t>{RayBins::kSeenThrough, 0, 0}));
+  EXPECT_TRUE(bins.MayReach({{3, 0, 0}, 0.1F, 0.1F}));
+  EXPECT_FALSE(bins.MayReach({{6, 0, 0}, 0.1F, 0.1F}));
+  EXPECT_FALSE(bins.MayReach({{3, 0, 2}, 0.1F, 0.1F}));
+}
+
+// A dense fan of rays that all end 40 voxels ahead, and what is added to it.
+Columns FanAnd(const std::vector<Eigen::Vector3d>& others) {
+  std::vector<Eigen::Vector3d> ends = others;
+  for (int y = -100; y <= 100; ++y) {
+    for (int z = -100; z <= 100; ++z) ends.emplace_back(40, 0.2 * y, 0.2 * z);
+  }
+  return ColumnsOf(ends);
+}
+
+TEST(RayBins, AVoidIsConfirmedIfAllRaysAroundTheVoxelLeadOn) {
+  constexpr RayBins::Clearance kClearance{.around = 1, .behind = 2};
+  const auto at = [&](const std::vector<Eigen::Vector3d>& others) {
+    RayBins bins;
+    bins.Build(FanAnd(others), 0.98F);
+    return LookAt(bins, {VoxelAt(20, 0, 0)}, kClearance)[0];
+  };
+  constexpr uint8_t kBoth = RayBins::kSeenThrough | RayBins::kConfirmed;
+  EXPECT_EQ(at({}), kBoth);
+  EXPECT_EQ(at({{20, 1.2, 0}}), RayBins::kSeenThrough) << "a return beside the voxel";
+  EXPECT_EQ(at({{18, 0, -1.1}}), RayBins::kSeenThrough) << "one before and below it";
+  EXPECT_EQ(at({{22, 0.3, 0}}), RayBins::kSeenThrough) << "one close behind it";
+  EXPECT_EQ(at({{20, 6, 0}}), kBoth) << "one far beside it";
+  EXPECT_EQ(at({{30, 0.3, 0}}), kBoth) << "one far behind it";
+  RayBins bins;
+  bins.Build(FanAnd({}), 0.98F);
+  EXPECT_EQ(LookAt(bins, {VoxelAt(20, 0, 0)})[0], RayBins::kSeenThrough) << "nobody asks";
+}
+
+TEST(RayBins, AWallAlongTheRaysIsSeenThroughButNoVoid) {
+  // The wall lies at y = 2, from 5 to 60 ahead; the sensor looks along it.
+  std::vector<Eigen::Vector3d> ends;
+  for (double x = 5; x < 60; x += 0.05) {
+    for (double z = -2; z <= 2; z += 0.1) ends.emplace_back(x, 2.0, z * x / 20);
+  }
+  RayBins bins;
+  bins.Build(ColumnsOf(ends), 0.98F);
+  std::vector<RayTarget> wall;
+  for (int x = 8; x < 40; ++x) wall.push_back(VoxelAt(x, 2, 0));
+  size_t seen_through = 0;
+  for (const uint8_t seen : LookAt(bins, wall, {.around = 1, .behind = 2.5})) {
+    seen_through += (seen & RayBins::kSeenThrough) != 0;
+    EXPECT_EQ(seen & RayBins::kConfirmed, 0);
+  }
+  EXPECT_GT(seen_through, 20U);
 }
 
 TEST(RayTarget, AMaskIsSeenThroughOnlyWhereItHasPoints) {
-  const Eigen::Vector3d sensor(0.5, 0.5, 0.5);
   const uint64_t layer = 0xffff;  // the lowest quarter of the voxel
-  const RayTarget target({4, 0, 0}, layer, sensor);
-  EXPECT_TRUE(target.solid);
-  EXPECT_FALSE(SeesThrough(Ray({8, 0, 0}), target, 1));
-  EXPECT_TRUE(SeesThrough(Ray({8, 0, -0.8}), target, 1));
-  EXPECT_FALSE(SeesThrough(Ray({4, 0, -0.4}), target, 1)) << "the ray ends inside";
+  const RayTarget target = VoxelAt(4, 0, 0, layer);
+  EXPECT_TRUE(target.solid());
+  EXPECT_FALSE(SeesThrough(Ray(Eigen::Vector3d(8, 0, 0)), target, 1));
+  EXPECT_TRUE(SeesThrough(Ray(Eigen::Vector3d(8, 0, -0.8)), target, 1));
+  EXPECT_FALSE(SeesThrough(Ray(Eigen::Vector3d(4, 0, -0.4)), target, 1)) << "the ray ends inside";
   // Two opposite corners: the ray along the floor passes between them.
   const uint64_t corners = uint64_t{1} | uint64_t{1} << (3 + 4 * 3);
-  EXPECT_FALSE(SeesThrough(Ray({8, 0, -0.8}), RayTarget({4, 0, 0}, corners, sensor), 1));
+  EXPECT_FALSE(SeesThrough(Ray(Eigen::Vector3d(8, 0, -0.8)), VoxelAt(4, 0, 0, corners), 1));
+}
+
+TEST(RayTarget, KnowsTheBoxOfItsMask) {
+  std::mt19937_64 random(3);
+  for (int i = 0; i < 1000; ++i) {
+    const uint64_t mask = (random() & random() & random()) | 1;
+    const MaskBox box = BoxOf(mask);
+    const RayTarget target = VoxelAt(7, -3, 2, mask);
+    const std::array<float, 3> corner = {6.5F, -3.5F, 1.5F};
+    for (int axis = 0; axis < 3; ++axis) {
+      ASSERT_EQ(target.low[axis], corner[axis] + 0.25F * static_cast<float>(box.low[axis]));
+      ASSERT_EQ(target.high[axis], corner[axis] + 0.25F * static_cast<float>(box.high[axis]));
+    }
+    ASSERT_EQ(target.solid(), std::popcount(mask) == box.volume());
+  }
 }
 
 TEST(MaskBox, IsTheBoxAroundTheSetSubVoxels) {

@@ -217,7 +217,7 @@ TEST(Remover, EachRefinementCanBeSwitchedOff) {
   const Session session = Street(10, 24);
   DorParameters none;
   none.protect_ground = none.cluster = none.departures = none.inherit = none.surround = none.verify_ankles = false;
-  none.restore = false;
+  none.restore = none.confirm = false;
   const Removal removal = Remove(session, none);
   EXPECT_EQ(removal.report().ground_voxels, 0U);
   EXPECT_EQ(removal.report().restored_points, 0U);
