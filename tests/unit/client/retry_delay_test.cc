@@ -2,16 +2,23 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <string_view>
+
 namespace mapkeep {
 namespace {
+
+/// A field of bytes: its tag, its length in one byte, its bytes.
+std::string Field(char tag, std::string_view bytes) {
+  std::string field = {tag, static_cast<char>(bytes.size())};
+  return field.append(bytes);
+}
 
 /// google.rpc.Status{code: 8, details: Any{RetryInfo{2.5 s}}}, byte by byte.
 std::string Details(const std::string& type = "type.googleapis.com/google.rpc.RetryInfo") {
   const std::string duration("\x08\x02\x10\x80\xca\xb5\xee\x01", 8);  // seconds 2, nanos 500,000,000
-  const std::string info = "\x0a" + std::string(1, static_cast<char>(duration.size())) + duration;
-  std::string any = "\x0a" + std::string(1, static_cast<char>(type.size())) + type;
-  any += "\x12" + std::string(1, static_cast<char>(info.size())) + info;
-  return "\x08\x08\x1a" + std::string(1, static_cast<char>(any.size())) + any;
+  const std::string any = Field('\x0a', type) + Field('\x12', Field('\x0a', duration));
+  return std::string("\x08\x08").append(Field('\x1a', any));
 }
 
 TEST(RetryDelay, IsReadFromTheDetailsOfAnError) {
