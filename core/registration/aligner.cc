@@ -44,6 +44,15 @@ struct TrackedWindow {
   Pose correction = Pose::Identity();  // T_abs^u; of a window that is not trusted: what it was tried with
 };
 
+// The window that has those scans nearest to its middle.
+size_t WindowAt(std::span<const TrackedWindow> windows, const Window& seed) {
+  const auto middle = static_cast<double>(seed.first + seed.last);
+  const auto nearest = std::ranges::min_element(windows, {}, [&](const TrackedWindow& w) {
+    return std::abs(static_cast<double>(w.window.first + w.window.last) - middle);
+  });
+  return static_cast<size_t>(nearest - windows.begin());
+}
+
 /// One session on its way.
 class Tracker {
  public:
@@ -54,9 +63,13 @@ class Tracker {
     for (size_t i = 1; i < poses.size(); ++i) {
       travel_.push_back(travel_.back() + (poses[i].translation() - poses[i - 1].translation()).norm());
     }
+    scans_.resize(poses.size());
+    for (size_t i = 0; i < poses.size(); ++i) owners_.push_back(WindowAt(windows_, {i, i}));
   }
 
   std::vector<TrackedWindow>& windows() { return windows_; }
+  /// Where each scan lies by its own points, if a trusted window has it in its middle.
+  const std::vector<ScanPlacement>& scans() const { return scans_; }
   /// The map has nothing where the session was tracked.
   bool nothing_near() const { return nothing_near_; }
 
@@ -134,7 +147,24 @@ class Tracker {
                       .coverage = placement.fit.coverage};
     tracked.correction = trusted ? placement.pose * first.inverse() : correction;
     tracked.placement = placement;
+    if (trusted && parameters_.scan_poses == ScanPoses::kPoseGraph) PlaceScans(placer, u, query->points);
     return absl::OkStatus();
+  }
+
+  // The scans that lie nearest to the middle of window u.
+  void PlaceScans(const Placer& placer, size_t u, std::span<const Eigen::Vector3d> query) {
+    const TrackedWindow& tracked = windows_[u];
+    std::vector<size_t> own;
+    std::vector<const std::vector<Eigen::Vector3f>*> points;
+    std::vector<Pose> sensors;
+    for (size_t i = tracked.window.first; i <= tracked.window.last; ++i) {
+      if (owners_[i] != u) continue;
+      own.push_back(i);
+      points.push_back(&queries_.PointsOf(i));
+      sensors.push_back(poses_[tracked.window.first].inverse() * poses_[i]);
+    }
+    std::vector<ScanPlacement> placed = placer.PlaceScans(query, points, sensors, tracked.placement.pose);
+    for (size_t k = 0; k < own.size(); ++k) scans_[own[k]] = placed[k];
   }
 
   QueryBuilder& queries_;
@@ -144,6 +174,8 @@ class Tracker {
   std::function<bool()> progress_;
   std::vector<TrackedWindow> windows_;
   std::vector<double> travel_{0.0};
+  std::vector<size_t> owners_;  // of each scan, the window with it nearest to the middle
+  std::vector<ScanPlacement> scans_;
   bool nothing_near_ = false;
 };
 
@@ -164,18 +196,9 @@ std::string NothingFits(std::span<const TrackedWindow> windows, const AlignParam
       parameters.min_observability);
 }
 
-// The window that the seed's scans lie in best.
-size_t WindowAt(std::span<const TrackedWindow> windows, const Window& seed) {
-  const auto middle = static_cast<double>(seed.first + seed.last);
-  const auto nearest = std::ranges::min_element(windows, {}, [&](const TrackedWindow& w) {
-    return std::abs(static_cast<double>(w.window.first + w.window.last) - middle);
-  });
-  return static_cast<size_t>(nearest - windows.begin());
-}
-
 // Decides on a tracked session and makes its scan poses.
-void Conclude(std::span<const Pose> poses, std::span<const TrackedWindow> windows, const AlignParameters& parameters,
-              Alignment& alignment) {
+void Conclude(std::span<const Pose> poses, std::span<const TrackedWindow> windows, std::span<const ScanPlacement> scans,
+              const AlignParameters& parameters, Alignment& alignment) {
   std::vector<TrustedWindow> trusted;
   size_t inside = 0;
   for (const TrackedWindow& window : windows) {
@@ -199,7 +222,7 @@ void Conclude(std::span<const Pose> poses, std::span<const TrackedWindow> window
   alignment.lacks_map = false;
   alignment.verdict = inside < windows.size() ? Verdict::kExtends : Verdict::kAligned;
   alignment.poses =
-      parameters.scan_poses == ScanPoses::kFusion ? FusePoses(poses, trusted) : OptimisePoses(poses, trusted);
+      parameters.scan_poses == ScanPoses::kFusion ? FusePoses(poses, trusted) : OptimisePoses(poses, trusted, scans);
 }
 
 }  // namespace
@@ -256,7 +279,7 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
       return alignment;
     }
   }
-  Conclude(poses, tracker.windows(), parameters, alignment);
+  Conclude(poses, tracker.windows(), tracker.scans(), parameters, alignment);
   if (progress && !progress(1)) return absl::CancelledError("stopped while aligning the session");
   return alignment;
 }

@@ -1,5 +1,7 @@
 #include "core/registration/placement.h"
 
+#include <tbb/parallel_for.h>
+
 #include <utility>
 
 #include "core/registration/surface_normals.h"
@@ -10,6 +12,7 @@ namespace {
 
 constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
 constexpr double kFineThinning = 2;
+constexpr int kScanIterations = 4;  // a scan begins where its window lies: within centimetres
 
 SurfaceCloud SurfacesOf(std::vector<Eigen::Vector3d> at, std::span<const Eigen::Vector3d> points,
                         const PointTree& tree) {
@@ -51,6 +54,35 @@ Placement Placer::Place(std::span<const Eigen::Vector3d> query, const Pose& gues
   placement.correction = (placement.pose.translation() - guess.translation()).norm();
   placement.rotation = AngleBetween(placement.pose, guess);
   return placement;
+}
+
+std::vector<ScanPlacement> Placer::PlaceScans(std::span<const Eigen::Vector3d> query,
+                                              std::span<const std::vector<Eigen::Vector3f>* const> scans,
+                                              std::span<const Pose> sensors, const Pose& placed) const {
+  std::vector<ScanPlacement> placements(scans.size());
+  if (target_.points.empty() || query.empty()) return placements;
+  const PointTree query_tree(query);
+  tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) {
+    std::vector<Eigen::Vector3d> in_window;
+    in_window.reserve(scans[i]->size());
+    for (const Eigen::Vector3f& point : *scans[i]) in_window.push_back(sensors[i] * point.cast<double>());
+    const SurfaceCloud source =
+        SurfacesOf(ThinPoints(in_window, kFineThinning * parameters_.source_voxel), query, query_tree);
+    const GicpResult result = RefineByGicp(source, target_, tree_, placed,
+                                           {.max_correspondence = parameters_.fine_correspondence,
+                                            .robust_width = parameters_.fine_robust_width,
+                                            .max_iterations = kScanIterations});
+    if (result.pairs == 0) return;
+    ScanPlacement& placement = placements[i];
+    placement.pose = result.pose * sensors[i];
+    placement.pairs = result.pairs;
+    // The centre of the points moves by t - r x arm when the sensor moves by t and turns by r.
+    const Eigen::Vector3d arm = placement.pose.translation() - result.centre;
+    Eigen::Matrix<double, 6, 6> carry = Eigen::Matrix<double, 6, 6>::Identity();
+    carry.topRightCorner<3, 3>() << 0, -arm.z(), arm.y(), arm.z(), 0, -arm.x(), -arm.y(), arm.x(), 0;
+    placement.information = carry.transpose() * result.information * carry;
+  });
+  return placements;
 }
 
 bool FitsMap(const Fit& fit, const AlignParameters& parameters) {

@@ -24,6 +24,14 @@ struct Placement {
   double rotation = 0;                      ///< radians between them
 };
 
+/// Where a scan lies by its own points.
+struct ScanPlacement {
+  Pose pose = Pose::Identity();  ///< T_map_sensor
+  /// What its surfaces fix of the motion (translation, rotation about the sensor): GicpResult::information there.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  size_t pairs = 0;  ///< points that met the map; 0: it says nothing
+};
+
 /// A part of the map with its search tree, on which windows are placed.
 class Placer {
  public:
@@ -35,6 +43,13 @@ class Placer {
 
   /// Coarse, then fine GICP from the guess, and the fit where that ends. `query` in the window's frame.
   Placement Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const;
+
+  /// The scans of a window, each refined on its own from where the window puts it. `scans` in their sensors' frames,
+  /// `sensors[i]` T_window_sensor of scan i, `placed` T_map_window. A scan alone is too sparse for normals: it takes
+  /// those of the window's points.
+  std::vector<ScanPlacement> PlaceScans(std::span<const Eigen::Vector3d> query,
+                                        std::span<const std::vector<Eigen::Vector3f>* const> scans,
+                                        std::span<const Pose> sensors, const Pose& placed) const;
 
  private:
   AlignParameters parameters_;

@@ -22,6 +22,10 @@ constexpr double kStepRadiansPerMetre = 0.0005;
 constexpr double kWindowMetres = 0.01;
 constexpr double kWindowRadians = 0.0006;
 constexpr double kMaxLooseness = 10;
+// Of a scan on its own: how far a point is off its surface, and how many err together.
+constexpr double kPairMetres = 0.05;
+constexpr double kPairsTogether = 20;
+constexpr size_t kMinScanPairs = 100;
 constexpr double kHuberWidth = 3;  // deviations at which a window begins to pull less
 
 // A pose as Ceres moves it: a rotation vector and a translation, relative to a start. Small corrections only.
@@ -112,9 +116,17 @@ Eigen::Matrix<double, 6, 6> RootOf(const TrustedWindow& window) {
   return root;
 }
 
+Eigen::Matrix<double, 6, 6> RootOf(const ScanPlacement& scan) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(scan.information);
+  const Eigen::Matrix<double, 6, 1> roots =
+      (solver.eigenvalues().cwiseMax(0) / (kPairMetres * kPairMetres * kPairsTogether)).cwiseSqrt();
+  return solver.eigenvectors() * roots.asDiagonal() * solver.eigenvectors().transpose();
+}
+
 }  // namespace
 
-std::vector<Pose> OptimisePoses(std::span<const Pose> poses, std::span<const TrustedWindow> trusted) {
+std::vector<Pose> OptimisePoses(std::span<const Pose> poses, std::span<const TrustedWindow> trusted,
+                                std::span<const ScanPlacement> scans) {
   const std::vector<Pose> start = FusePoses(poses, trusted);
   std::vector<Block> blocks(poses.size(), Block{});
   ceres::Problem problem;
@@ -132,6 +144,12 @@ std::vector<Pose> OptimisePoses(std::span<const Pose> poses, std::span<const Tru
     auto* cost = new WindowCost{start[middle], window.correction * poses[middle], RootOf(window)};
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<WindowCost, 6, 6>(cost), new ceres::HuberLoss(kHuberWidth),
                              blocks[middle].data());
+  }
+  for (size_t i = 0; i < scans.size(); ++i) {
+    if (scans[i].pairs < kMinScanPairs) continue;
+    auto* cost = new WindowCost{start[i], scans[i].pose, RootOf(scans[i])};
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<WindowCost, 6, 6>(cost), new ceres::HuberLoss(kHuberWidth),
+                             blocks[i].data());
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;

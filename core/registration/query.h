@@ -27,6 +27,9 @@ class QueryBuilder {
   /// are passed on, that of the first scan if several fail.
   absl::StatusOr<FacingPoints> QueryOf(const Window& window);
 
+  /// The thinned points of a scan of the window that was asked for last, sensor frame.
+  const std::vector<Eigen::Vector3f>& PointsOf(size_t scan) const { return thinned_.at(scan); }
+
  private:
   absl::Status Load(const Window& window);
 

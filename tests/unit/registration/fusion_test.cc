@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
+#include "core/registration/pose_graph.h"
 #include "tests/unit/registration/scene.h"
 
 namespace mapkeep {
@@ -54,6 +57,34 @@ TEST(FusePoses, ARobotThatStandsBetweenWindowsIsHalfWay) {
   const std::array windows{TrustedWindow{{0, 0}, MotionOf(0, {0, 0, 0}), 0.9},
                            TrustedWindow{{4, 4}, MotionOf(0, {0, 1, 0}), 0.9}};
   EXPECT_NEAR(FusePoses(still, windows)[2].translation().y(), 0.5, 1e-9);
+}
+
+TEST(OptimisePoses, ScansThatWerePlacedTakeTheNoiseOutOfOdometry) {
+  std::vector<Pose> noisy = Drive(21);
+  std::vector<ScanPlacement> scans(noisy.size());
+  for (size_t i = 0; i < noisy.size(); ++i) {
+    const double off = i % 2 == 0 ? 0.02 : -0.02;
+    scans[i] = {.pose = noisy[i], .information = 4000 * Eigen::Matrix<double, 6, 6>::Identity(), .pairs = 1000};
+    noisy[i] = noisy[i] * MotionOf(0, {0, off, 0});
+  }
+  const std::array windows{TrustedWindow{{0, 10}, Pose::Identity(), 0.9},
+                           TrustedWindow{{10, 20}, Pose::Identity(), 0.9}};
+  const auto without = OptimisePoses(noisy, windows), with = OptimisePoses(noisy, windows, scans);
+  double worst_without = 0, worst_with = 0;
+  for (size_t i = 0; i < noisy.size(); ++i) {
+    worst_without = std::max(worst_without, std::abs(without[i].translation().y()));
+    worst_with = std::max(worst_with, std::abs(with[i].translation().y()));
+  }
+  EXPECT_GT(worst_without, 0.01) << "windows alone cannot tell";
+  EXPECT_LT(worst_with, 0.5 * worst_without);
+}
+
+TEST(OptimisePoses, AScanThatMetTooLittleSaysNothing) {
+  const std::vector<Pose> poses = Drive(5);
+  std::vector<ScanPlacement> scans(poses.size());
+  scans[2] = {.pose = MotionOf(0, {2, 1, 0}), .information = 1e6 * Eigen::Matrix<double, 6, 6>::Identity(), .pairs = 5};
+  const std::array windows{TrustedWindow{{0, 4}, Pose::Identity(), 0.9}};
+  ExpectNear(OptimisePoses(poses, windows, scans), poses, 1e-6, 1e-4);
 }
 
 }  // namespace
