@@ -291,8 +291,10 @@ export class MapView {
     this.next = null;
   }
 
+  /** Asks for a frame. Until nothing more is to be drawn the canvas says so, for those who look at pictures of it. */
   private invalidate(): void {
     if (this.frame || this.disposed) return;
+    this.canvas.dataset.pending = 'yes';
     this.frame = requestAnimationFrame((time) => {
       this.frame = 0;
       this.draw(time);
@@ -329,6 +331,7 @@ export class MapView {
     this.callbacks.status(this.status(distance, halfHeight));
     const loading = this.next !== null || (this.shown !== null && !this.shown.settled);
     if (loading) this.invalidate();
+    if (!this.frame && !this.moving) this.canvas.dataset.pending = 'no';
   }
 
   private swapWhenReady(): void {
