@@ -72,6 +72,18 @@ absl::StatusOr<std::vector<Scan>> ScansOf(const SimulatedSession& session, size_
   return scans;
 }
 
+// Tries again what UNAVAILABLE says may be tried again, as a robot would, for as long as it has patience.
+template <typename Call>
+auto Patiently(const Arguments& arguments, const Call& call) {
+  const auto begin = std::chrono::steady_clock::now();
+  auto result = call();
+  while (absl::IsUnavailable(result.status()) && SecondsSince(begin) < arguments.server.patience_seconds) {
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    result = call();
+  }
+  return result;
+}
+
 // One session of one robot, to its end. The founder drives four times as far with all of its points, so that the others
 // find a map that covers where they begin.
 absl::Status Drive(const Arguments& arguments, const Client& client, const Street& street, int robot, int number,
@@ -95,17 +107,20 @@ absl::Status Drive(const Arguments& arguments, const Client& client, const Stree
   const auto checksums = ScanChecksums(source, session->truth);
   if (!checksums.ok()) return checksums.status();
   const auto begin = std::chrono::steady_clock::now();
-  const auto uploaded = client.UploadSession({.map = arguments.map,
-                                              .id = id,
-                                              .robot = name,
-                                              .keep_scans = arguments.keep_scans,
-                                              .scans = source,
-                                              .poses = session->truth,
-                                              .checksums = *checksums});
+  const auto uploaded = Patiently(arguments, [&] {
+    return client.UploadSession({.map = arguments.map,
+                                 .id = id,
+                                 .robot = name,
+                                 .keep_scans = arguments.keep_scans,
+                                 .scans = source,
+                                 .poses = session->truth,
+                                 .checksums = *checksums});
+  });
   if (!uploaded.ok()) return uploaded.status();
   const double acknowledged = SecondsSince(begin);
   outcome.bytes += bytes;
-  const auto ended = client.WatchSession(arguments.map, id, [](const SessionInfo&) { return true; });
+  const auto ended = Patiently(
+      arguments, [&] { return client.WatchSession(arguments.map, id, [](const SessionInfo&) { return true; }); });
   if (!ended.ok()) return ended.status();
   const bool committed = ended->state == SessionInfo::State::kCommitted;
   const std::lock_guard lock(outcome.mutex);

@@ -127,7 +127,7 @@ class Fleet(contextlib.ExitStack):
         self.configuration.write_text(
             f'engine = "rados"\ntls_cert = "{self.scratch}/mapkeepd.crt"\ntls_key = "{self.scratch}/mapkeepd.key"\n'
             f'tokens = "{self.tokens.file}"\n[rados]\nconf = "{self.ceph}/ceph.conf"\npool = "maps"\n'
-            "[limits]\nlease_seconds = 5\ndrain_seconds = 3\n[history]\nkeep_scans = true\n")
+            "[limits]\nlease_seconds = 5\ndrain_seconds = 8\n[history]\nkeep_scans = true\n")
         self.replicas = []
         for name in "abc":
             self.replicas.append(Replica(self, name))
