@@ -152,7 +152,7 @@ TEST(RadosEngine, ALeaseOfADaemonThatDiedIsTakenOverByAnother) {
 /// goes on. Whatever it was at: nothing is merged twice, nothing is lost, nothing is left behind.
 TEST(RadosEngine, AWorkerThatIsStoppedPastItsLeaseWhileItsAttemptIsCollectedDoublesNothing) {
   const bool is_long = std::getenv("MAPKEEP_LONG") != nullptr;
-  const int sessions = is_long ? 1500 : 120;
+  const int sessions = is_long ? 1500 : 40;
   TestEngine engine(RadosKind());
   uint64_t incarnation = 0;
   {
