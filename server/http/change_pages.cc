@@ -77,14 +77,15 @@ std::string CountsJson(uint64_t appeared, uint64_t disappeared, uint64_t unstabl
 }
 
 absl::StatusOr<std::string> Count(const Epochs& epochs) {
-  uint64_t appeared = 0, disappeared = 0;
+  uint64_t appeared = 0, disappeared = 0, unstable = 0;
   const absl::Status compared = CompareSnapshots(*epochs.before, *epochs.after, [&](const BlockChange& change) {
     appeared += change.appeared.voxels.size();
     disappeared += change.disappeared.voxels.size();
+    unstable += change.unstable.voxels.size();
     return absl::OkStatus();
   });
   if (!compared.ok()) return compared;
-  return CountsJson(appeared, disappeared, 0);
+  return CountsJson(appeared, disappeared, unstable);
 }
 
 absl::StatusOr<std::string> Collect(const PageContext& context, const Epochs& epochs) {
@@ -92,6 +93,7 @@ absl::StatusOr<std::string> Collect(const PageContext& context, const Epochs& ep
   const absl::Status compared = CompareSnapshots(*epochs.before, *epochs.after, [&](const BlockChange& change) {
     points.Add(change.appeared, ChangeClass::kAppeared);
     points.Add(change.disappeared, ChangeClass::kDisappeared);
+    points.Add(change.unstable, ChangeClass::kUnstable);
     return absl::OkStatus();
   });
   if (!compared.ok()) return compared;
