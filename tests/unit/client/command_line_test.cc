@@ -79,7 +79,7 @@ TEST(CommandLine, UsageErrorsEndWithTwo) {
       {"session", "show", "street"},
       {"session", "upload", "street"},
       {"session", "upload", "street", "dir", "--id", "a b"},
-      {"export", "street", "map.las"},
+      {"export", "street", "map.xyz"},
       {"export", "street", "map.pcd", "--box", "1,2,3,4,5"},
       {"export", "street", "map.pcd", "--box", "1,2,3,0,5,6"},
       {"query", "street", "1", "2"},
@@ -105,7 +105,7 @@ TEST(CommandLine, BadSessionsEndWithTwoBeforeAnyServerIsAsked) {
   };
   ExpectError(upload({"--frames", "0:3"}), 2, "frame 3 is beyond the last one, 2");
   ExpectError(upload({"--frames", "x"}), 2, "expected FIRST:LAST");
-  ExpectError(upload({"--format", "rosbag"}), 2, "no session layout is called 'rosbag'");
+  ExpectError(upload({"--format", "bagpipe"}), 2, "no session layout is called 'bagpipe'");
   ExpectError(upload({"--format", "elite"}), 2, "Scans: ");
   WriteText(directory.path() / "velodyne/000002.bin", "seventeen bytes..");
   const ProgramResult truncated = upload({"--json"});
