@@ -121,6 +121,9 @@ std::optional<absl::StatusOr<PageResponse>> TileFilePage(const PageContext& cont
   const std::optional<size_t> node = name.node ? tiles->Find(*name.node) : std::nullopt;
   const bool is_tile = name.ending == "glb";
   if (!node || (!is_tile && name.ending != "json")) {
+    // What memory still holds of an epoch must not hide that the epoch was collected.
+    if (only_memory) return {};
+    if (const auto opened = context.tiles.Open(map, epoch); !opened.ok()) return Gone(opened.status());
     return absl::NotFoundError(absl::StrCat("epoch ", epoch, " has no tile ", file));
   }
   const ContentId& of_name = is_tile ? tiles->tiles[*node] : tiles->nodes[*node];
