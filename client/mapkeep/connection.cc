@@ -1,5 +1,6 @@
 #include "client/mapkeep/connection.h"
 
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 #include <absl/time/clock.h>
@@ -11,6 +12,25 @@
 #include "client/mapkeep/retry_delay.h"
 
 namespace mapkeep {
+
+namespace {
+
+// A proxy whose server went away resets the stream or the connection, which gRPC takes for an internal error, for a
+// cancellation or for something that it does not know.
+bool BrokeOff(const grpc::Status& status) {
+  const std::string& message = status.error_message();
+  switch (status.error_code()) {
+    case grpc::StatusCode::UNKNOWN:
+      return absl::StrContains(message, "Stream removed");
+    case grpc::StatusCode::INTERNAL:
+    case grpc::StatusCode::CANCELLED:
+      return absl::StrContains(message, "RST_STREAM");
+    default:
+      return false;
+  }
+}
+
+}  // namespace
 
 Connection::Connection(const ClientOptions& options)
     : options_(options),
@@ -34,7 +54,8 @@ absl::Status Connection::WaitForServer() const {
 absl::Status Connection::StatusOf(const grpc::Status& status) const {
   if (status.ok()) return absl::OkStatus();
   // The two libraries number their codes alike.
-  const auto code = static_cast<absl::StatusCode>(status.error_code());
+  const auto code =
+      BrokeOff(status) ? absl::StatusCode::kUnavailable : static_cast<absl::StatusCode>(status.error_code());
   if (const auto delay = RetryDelayIn(status.error_details())) {
     return KeepRetryDelay({code, status.error_message()}, *delay);
   }

@@ -1,7 +1,6 @@
 #include "client/mapkeep/upload.h"
 
 #include <absl/status/status.h>
-#include <absl/strings/match.h>
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
@@ -56,12 +55,9 @@ class Uploader {
 
  private:
   /// Whether another attempt may fare better. ABORTED after a break: the server has not yet noticed that our last
-  /// stream is dead. OUT_OF_RANGE: it expects another scan, and will say which. A proxy whose server went away resets
-  /// the stream, which gRPC takes for an internal error or a cancellation.
+  /// stream is dead. OUT_OF_RANGE: it expects another scan, and will say which.
   bool IsPassing(const absl::Status& status) const {
-    const bool reset =
-        (absl::IsInternal(status) || absl::IsCancelled(status)) && absl::StrContains(status.message(), "RST_STREAM");
-    return absl::IsUnavailable(status) || absl::IsOutOfRange(status) || absl::IsDeadlineExceeded(status) || reset ||
+    return absl::IsUnavailable(status) || absl::IsOutOfRange(status) || absl::IsDeadlineExceeded(status) ||
            (broken_ && absl::IsAborted(status));
   }
 
