@@ -130,10 +130,16 @@ class Daemon {
 int Main(int count, char** arguments) {
   uint64_t points_wanted = 5'000'000;
   std::vector<std::string> only;
+  std::string write;
   CLI::App app("Measures every export of a synthetic map");
   app.add_option("--points", points_wanted, "At least so many points")->capture_default_str();
   app.add_option("--only", only, "Formats; by default all");
+  app.add_option("--write", write, "Only write the map into this file, for `mapkeep import`, and say its points");
   CLI11_PARSE(app, count, arguments);
+  if (!write.empty()) {
+    std::printf("%s\n", absl::StrFormat("%d", WriteMap(write, points_wanted)).c_str());
+    return 0;
+  }
 
   const fs::path directory = fs::temp_directory_path() / absl::StrFormat("mapkeep-export-bench-%d", getpid());
   fs::create_directories(directory);

@@ -31,6 +31,35 @@ export async function newPage(browser, options = {}) {
   return page;
 }
 
+/** Lets a page note, from its next loading on, how many points it gives to WebGL: what it draws, not what it says. */
+export const notePointsDrawn = (page) => page.addInitScript(() => {
+  const frames = { now: 0, last: 0, most: 0 };
+  globalThis.pointsDrawn = frames;
+  const gl = WebGL2RenderingContext.prototype;
+  const { clear, drawArrays, drawElements } = gl;
+  gl.clear = function (...words) { // once a frame, at its beginning
+    frames.last = frames.now;
+    frames.now = 0;
+    clear.apply(this, words);
+  };
+  const add = (mode, count) => {
+    if (mode === gl.POINTS) frames.now += count;
+    frames.most = Math.max(frames.most, frames.now);
+  };
+  gl.drawArrays = function (mode, first, count) {
+    add(mode, count);
+    drawArrays.call(this, mode, first, count);
+  };
+  gl.drawElements = function (mode, count, type, offset) {
+    add(mode, count);
+    drawElements.call(this, mode, count, type, offset);
+  };
+});
+
+/** Points that WebGL was given for the frame on show, and at most for any frame since the page was loaded. */
+export const pointsDrawn = (page) =>
+  page.evaluate(() => ({ now: globalThis.pointsDrawn.now, most: globalThis.pointsDrawn.most }));
+
 export const canvasOf = (page) => page.locator('#map-canvas');
 
 /** Waits until the view has all that it asked for; of one epoch if given. */
@@ -63,8 +92,13 @@ export async function pointAt(page, share, background, tap = false) {
     }
   }
   if (spots.length < 10) throw new Error('the picture shows next to nothing to point at');
-  const [x, y] = spots[Math.floor(share * spots.length)];
-  const position = { x: x + picture.x, y: y + picture.y };
+  // The first from there on over which no message lies.
+  const box = await canvasOf(page).boundingBox();
+  const inPage = spots.slice(Math.floor(share * spots.length)).map(([x, y]) => [x + picture.x, y + picture.y]);
+  const free = await page.evaluate(([places, left, top]) =>
+    places.findIndex(([x, y]) => document.elementFromPoint(x + left, y + top)?.id === 'map-canvas'), [inPage, box.x, box.y]);
+  if (free < 0) throw new Error('something lies over all of the map');
+  const position = { x: inPage[free][0], y: inPage[free][1] };
   if (tap) await canvasOf(page).tap({ position });
   else await canvasOf(page).click({ position });
 }
@@ -78,11 +112,12 @@ export function countPixels(picture, holds) {
   return count;
 }
 
-/** Pixels in which two pictures differ by more than `least` in some channel. */
-export function differing(a, b, least = 24) {
+/** Pixels in which two pictures differ by more than `least` in some channel, and of which, in the first, `holds`. */
+export function differing(a, b, least = 24, holds = () => true) {
   let count = 0;
   for (let i = 0; i < a.data.length; i += 4) {
-    if ([0, 1, 2].some((k) => Math.abs(a.data[i + k] - b.data[i + k]) > least)) ++count;
+    if ([0, 1, 2].some((k) => Math.abs(a.data[i + k] - b.data[i + k]) > least) &&
+      holds(a.data[i], a.data[i + 1], a.data[i + 2])) ++count;
   }
   return count;
 }

@@ -15,7 +15,7 @@ await settled(page);
 await page.getByRole('button', { name: 'Show all' }).click();
 for (let i = 0; i < 3; ++i) await page.keyboard.press('+');
 // About two million points: drawing may take its time here.
-await page.getByRole('slider', { name: 'Detail' }).fill('64');
+await page.getByRole('slider', { name: 'Detail' }).fill('73');
 await settled(page);
 await page.screenshot({ path: path.resolve(out), type: 'jpeg', quality: 84 });
 await browser.close();

@@ -5,7 +5,8 @@ import fs from 'node:fs';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import {
-  canvasOf, countPixels, differing, like, newPage, openBrowser, pictureOf, pointAt, seriousFaults, settled,
+  canvasOf, countPixels, differing, like, newPage, notePointsDrawn, openBrowser, pictureOf, pointAt, pointsDrawn,
+  seriousFaults, settled,
 } from './browser.mjs';
 import { Daemon, scratch, simulate, until } from './daemon.mjs';
 
@@ -165,17 +166,22 @@ test('two clicks measure a distance, whose parts fit together', async () => {
 });
 
 test('the point budget holds, whatever is loaded', async () => {
-  const page = await open();
+  const page = await newPage(browser);
+  await notePointsDrawn(page);
+  await page.goto(`${daemon.url}/#/yard/map`);
   await settled(page, 2);
-  const drawn = async () => Number(await canvasOf(page).getAttribute('data-drawn'));
-  const many = await drawn();
-  assert.ok(many > 150_000 && many <= 400_000, `${many} points`);
+  const told = async () => Number(await canvasOf(page).getAttribute('data-drawn'));
+  const many = (await pointsDrawn(page)).now;
+  assert.ok(many > 40_000 && many <= 400_000, `${many} points`);
+  assert.equal(many, await told(), 'the page says how many it draws');
   const detail = page.getByRole('slider', { name: 'Detail' });
   await detail.focus();
   await detail.press('Home');
-  await until(async () => (await drawn()) <= 100_000, 'fewer points');
+  await until(async () => (await told()) <= 20_000, 'fewer points');
   await settled(page, 2);
-  assert.ok((await drawn()) > 20_000, `${await drawn()} points are left`);
+  const few = (await pointsDrawn(page)).now;
+  assert.ok(few > 4_000 && few <= 20_000, `${few} points are drawn of at most 20,000`);
+  assert.equal(few, await told());
   await page.context().close();
 });
 
@@ -184,10 +190,22 @@ test('trajectories are drawn with their fitness', async () => {
   await settled(page, 2);
   const before = await pictureOf(page);
   await page.getByRole('button', { name: 'Show all' }).click();
-  await until(async () => differing(await pictureOf(page), before) > 200, 'lines over the map');
+  await settled(page, 2);
+  // Two drives of 15 m in a map of 200: some pixels a line. Nothing else changes in the picture.
+  const lines = await until(async () => {
+    const picture = await pictureOf(page);
+    return differing(picture, before) > 40 && picture;
+  }, 'lines over the map');
+  // The first day founded the map and is grey, the second one is green as far as it fits.
+  for (const [name, colour] of Object.entries({ grey: [159, 176, 198], green: [100, 208, 149] })) {
+    const count = differing(lines, before, 24, like(colour, 45));
+    assert.ok(count > 12, `${count} pixels of ${differing(lines, before)} that changed are ${name}`);
+  }
   assert.equal(await page.getByRole('checkbox', { name: /day-1/ }).isChecked(), true);
   await page.getByText('founded the map').waitFor();
   await page.getByText(/^fit \d+ %$/).waitFor();
+  await page.getByRole('button', { name: 'Hide all' }).click();
+  await until(async () => differing(await pictureOf(page), before) < 5, 'the lines to go');
   assert.deepEqual(page.wrong, []);
   await page.context().close();
 });

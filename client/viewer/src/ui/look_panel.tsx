@@ -9,7 +9,7 @@ import { fitnessRange } from '../view/trajectories';
 import { count, percent, short } from './format';
 import { gradientOf, Legend, modeNames } from './legend';
 
-const fewestPoints = 100_000;
+const fewestPoints = 20_000;
 const mostPoints = 10_000_000;
 
 /** The slider is even in ratios: 0 is the fewest points, 100 the most. */

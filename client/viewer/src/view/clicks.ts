@@ -1,20 +1,22 @@
 // Clicks and taps on a canvas whose drags move a camera.
 
 const mostPixels = 6;
-const mostMilliseconds = 600;
 
-/** Calls back for one finger or the left button, put down and lifted in place; x and y in pixels of the element. */
+/**
+ * Calls back for one finger or the left button, put down and lifted in place; x and y in pixels of the element. How long
+ * it was held says nothing: where the processor draws, both events may wait for a frame.
+ */
 export function listenForClicks(
   element: HTMLElement,
   clicked: (x: number, y: number, touch: boolean) => void,
 ): void {
-  let down: { x: number; y: number; time: number; id: number } | null = null;
+  let down: { x: number; y: number; id: number } | null = null;
   let fingers = 0;
   element.addEventListener('pointerdown', (event) => {
     ++fingers;
     down =
       fingers === 1 && event.button === 0
-        ? { x: event.offsetX, y: event.offsetY, time: event.timeStamp, id: event.pointerId }
+        ? { x: event.offsetX, y: event.offsetY, id: event.pointerId }
         : null;
   });
   const lift = () => (fingers = Math.max(0, fingers - 1));
@@ -23,10 +25,7 @@ export function listenForClicks(
     lift();
     if (!down || down.id !== event.pointerId) return;
     const moved = Math.hypot(event.offsetX - down.x, event.offsetY - down.y);
-    const held = event.timeStamp - down.time;
     down = null;
-    if (moved <= mostPixels && held <= mostMilliseconds) {
-      clicked(event.offsetX, event.offsetY, event.pointerType === 'touch');
-    }
+    if (moved <= mostPixels) clicked(event.offsetX, event.offsetY, event.pointerType === 'touch');
   });
 }
