@@ -22,6 +22,8 @@
 #include "server/pipeline/stages.h"
 #include "storage/map_diff.h"
 #include "storage/rocksdb_engine.h"
+#include "tests/bench/dor_options.h"
+#include "tests/bench/lifelong_breakdown.h"
 #include "tests/bench/lifelong_truth.h"
 #include "tests/bench/scan_cache.h"
 
@@ -39,6 +41,7 @@ struct Options {
   bool align = true;
   bool only_decay = false;
   bool list = false;
+  bool breakdown = false;
   std::string cache;
   double least_accuracy = 0;  ///< percent; the exit status says whether it was reached
   double least_changes = 0;
@@ -168,7 +171,7 @@ class Suite {
     bool aligned = false;
     for (const Variant& variant : Variants(options_)) {
       if (absl::Status status = Merge(*simulated, day, variant, &aligned); !status.ok()) return status;
-      if (absl::Status status = Judge(day, variant, changes); !status.ok()) return status;
+      if (absl::Status status = Judge(*simulated, day, variant, changes); !status.ok()) return status;
     }
     return absl::OkStatus();
   }
@@ -199,6 +202,17 @@ class Suite {
     if (!outline.ok()) return outline.status();
     const auto removal = CleanAgainstMap(**base, scans, *outline, day.poses, options_.stages.clean, {});
     if (!removal.ok()) return removal.status();
+    kept_ = {};
+    if (options_.breakdown) {
+      for (size_t i = 0; i < scans.count; ++i) {
+        const std::vector<PointLabel> labels = removal->Label(i, day.scans[i].scan);
+        for (size_t k = 0; k < labels.size(); ++k) {
+          if (labels[k] != PointLabel::kDynamic) {
+            kept_.Add(day.poses[i] * day.scans[i].scan.points[k].cast<double>());
+          }
+        }
+      }
+    }
     const auto session = SummariseSession(scans, day.poses, *removal, kFirstMinute + kMinutesADay * number,
                                           options_.stages.session_map, {});
     if (!session.ok()) return session.status();
@@ -217,7 +231,7 @@ class Suite {
         .status();
   }
 
-  absl::StatusOr<PointCells> CellsOf(const Snapshot& map) const {
+  absl::StatusOr<PointCells> CellsOf(const Snapshot& map, bool only_static) const {
     PointCells cells;
     const auto tiles = map.Tiles({});
     if (!tiles.ok()) return tiles.status();
@@ -228,7 +242,7 @@ class Suite {
         const auto block = map.Read(key);
         if (!block.ok()) return block.status();
         for (const Voxel& voxel : (*block)->voxels) {
-          if (!voxel.is_static) continue;
+          if (only_static && !voxel.is_static) continue;
           for (const Eigen::Vector3d& point : SubVoxelPoints(**block, voxel, map.map().voxel_size)) cells.Add(point);
         }
       }
@@ -236,16 +250,24 @@ class Suite {
     return cells;
   }
 
-  absl::Status Judge(int day, const Variant& variant, const std::vector<TrueChange>& changes) {
+  absl::Status Judge(const Day& simulated, int day, const Variant& variant, const std::vector<TrueChange>& changes) {
     const auto map = maps_->Open(NameOf(variant));
     if (!map.ok()) return map.status();
-    const absl::StatusOr<PointCells> cells = CellsOf(**map);
+    absl::StatusOr<PointCells> cells = CellsOf(**map, true);
     if (!cells.ok()) return cells.status();
     const DayScore score = truth_.Score(*cells);
     std::string by_days;
     for (const auto& [days, part] : score.by_days) absl::StrAppendFormat(&by_days, " %d: %.1f", days, part.Percent());
     std::printf("%-13s %3d  %7.2f %7.2f  %8.1f %9.1f %s\n", variant.name, day + 1, score.statics.Percent(),
                 score.dynamics.Percent(), score.just_arrived.Percent(), score.just_left.Percent(), by_days.c_str());
+    if (options_.breakdown) {
+      absl::StatusOr<PointCells> all = CellsOf(**map, false);
+      if (!all.ok()) return all.status();
+      const DayCells day_cells{std::move(kept_), *std::move(all), *std::move(cells)};
+      LifelongBreakdown breakdown(simulated.session, day_cells);
+      truth_.Score(day_cells.map_static, [&](const JudgedPoint& point) { breakdown.Add(point); });
+      breakdown.Print();
+    }
     std::fflush(stdout);
     std::vector<DayScore>& of_variant = scores_[variant.name];
     of_variant.push_back(score);
@@ -334,6 +356,7 @@ class Suite {
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<MapStore> maps_;
   LifelongTruth truth_;
+  PointCells kept_;  // of the last session, if a breakdown is asked for
   std::map<std::string, std::vector<DayScore>> scores_;
   std::map<std::string, ChangeScore> changes_;
   std::map<std::string, std::vector<TrueChange>> yesterdays_;
@@ -355,10 +378,12 @@ int Main(int count, char** arguments) {
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");
   app.add_flag("--only-decay", options.only_decay, "Eq. 8 alone");
   app.add_flag("--list", options.list, "Say what was told wrongly and what was missed");
+  app.add_flag("--breakdown", options.breakdown, "Say which step lost what, by kind of object, distance and object");
   app.add_option("--least-accuracy", options.least_accuracy,
                  "Exit 1 unless SA and DA are this high after every day, percent");
   app.add_option("--least-changes", options.least_changes,
                  "Exit 1 unless precision and recall of changes are this high, percent");
+  AddDorOptions(app, options.stages.clean);
   CLI11_PARSE(app, count, arguments);
   const absl::StatusOr<SensorModel> sensor = SensorNamed(options.sensor);
   if (!sensor.ok()) {

@@ -151,20 +151,28 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
   return changes;
 }
 
-DayScore LifelongTruth::Score(const PointCells& map) const {
+DayScore LifelongTruth::Score(const PointCells& map, const std::function<void(const JudgedPoint&)>& judged) const {
   DayScore score;
+  const auto tell = [&judged](const Eigen::Vector3f& position, uint32_t id, JudgedAs as, bool right) {
+    if (judged) judged({position.cast<double>(), id, as, right});
+  };
   absl::flat_hash_set<uint32_t> new_today;
   for (const auto& [place, known] : known_) {
     if (known.first_day == day_ && day_ > 0) new_today.insert(static_cast<uint32_t>(place >> 32) & 0xffff);
   }
   for (const Point& point : static_points_) {
     const bool there = map.HasNear(point.position.cast<double>());
-    (new_today.contains(point.id) ? score.just_arrived : score.statics).Add(there);
+    const bool is_new = new_today.contains(point.id);
+    (is_new ? score.just_arrived : score.statics).Add(there);
+    if (!is_new) tell(point.position, point.id, JudgedAs::kStatic, there);
   }
   // Where something stands today, the map has a right to a point.
   const auto scored = [&](const Eigen::Vector3f& point) { return !stands_.HasNear(point.cast<double>()); };
   for (const Point& point : moving_points_) {
-    if (scored(point.position)) score.dynamics.Add(!map.HasNear(point.position.cast<double>()));
+    if (!scored(point.position)) continue;
+    const bool right = !map.HasNear(point.position.cast<double>());
+    score.dynamics.Add(right);
+    tell(point.position, point.id, JudgedAs::kMoving, right);
   }
   for (const auto& [place, known] : known_) {
     if (!known.gone.has_value()) continue;
@@ -177,6 +185,7 @@ DayScore LifelongTruth::Score(const PointCells& map) const {
         continue;
       }
       score.dynamics.Add(right);
+      tell(point, static_cast<uint32_t>(place >> 32), JudgedAs::kLeft, right);
       if (since == kGrace) score.by_days[known.last_day - known.first_day + 1].Add(right);
     }
   }

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -57,14 +58,26 @@ struct DayScore {
   std::map<int, PointScore> by_days;   ///< of dynamics: what left two sessions ago, by the days that it had been parked
 };
 
+/// What a judged point belongs to.
+enum class JudgedAs : uint8_t { kStatic, kMoving, kLeft };
+
+/// One point that was scored for SA or DA.
+struct JudgedPoint {
+  Eigen::Vector3d position;
+  uint32_t id = 0;  ///< of its object
+  JudgedAs as = JudgedAs::kStatic;
+  bool right = false;
+};
+
 /// The truth about a row of sessions, day by day: what stands, what moved and what has left.
 class LifelongTruth {
  public:
   /// The next session, with the labelled points of its scans. Gives what changed since the one before.
   std::vector<TrueChange> AddDay(const SimulatedSession& session, std::span<const LabelledScan> scans);
 
-  /// Scores the static points of a map after the last session that was added.
-  DayScore Score(const PointCells& map) const;
+  /// Scores the static points of a map after the last session that was added. `judged`, if given, sees every point that
+  /// counts for SA or DA.
+  DayScore Score(const PointCells& map, const std::function<void(const JudgedPoint&)>& judged = {}) const;
 
  private:
   /// One object through the days.
