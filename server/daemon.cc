@@ -102,7 +102,7 @@ struct Daemon::State {
   std::unique_ptr<EpochFeed> epochs;
   std::shared_mutex map_lifetimes;
   std::unique_ptr<Pipeline> pipeline;
-  std::unique_ptr<WorkPool> pool;
+  std::unique_ptr<WorkPool> pool, staging;
   std::unique_ptr<Gate> gate;
   std::unique_ptr<RpcServer> rpc;
   std::unique_ptr<PageService> pages;  // nullptr: off
@@ -198,9 +198,10 @@ struct Daemon::State {
                                                    .holder = *holder,
                                                    .stages = config.stages});
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
+    staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);
-    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, config, *gate,
-                                                    call_metrics, *quotas, map_lifetimes, *epochs});
+    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, *staging, config,
+                                                    *gate, call_metrics, *quotas, map_lifetimes, *epochs});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
     if (!config.http.host.empty()) {
@@ -238,6 +239,10 @@ struct Daemon::State {
                      work(&WorkPoolStatus::oldest_seconds));
     metrics.AddCount("mapkeep_pool_tasks_total", "Tasks of calls that storage threads have done",
                      work(&WorkPoolStatus::done));
+    metrics.AddGauge("mapkeep_staging_waiting", "Batches of scans that wait for a thread to stage them",
+                     [this] { return static_cast<double>(staging->Status().waiting); });
+    metrics.AddGauge("mapkeep_staging_running", "Batches of scans that are being staged",
+                     [this] { return static_cast<double>(staging->Status().at_work); });
     metrics.AddGauge("mapkeep_uploads_open", "Uploads under way",
                      [this] { return static_cast<double>(rpc->uploads()); });
     for (const bool blocks : {true, false}) {
@@ -339,6 +344,7 @@ void Daemon::Stop() {
   state_->rpc.reset();
   state_->epochs.reset();
   state_->pool.reset();
+  state_->staging.reset();
   state_->pipeline.reset();
   LogInfo("stopped");
 }

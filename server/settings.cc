@@ -234,7 +234,8 @@ std::vector<Setting> MakeSettings() {
       Integer("limits.block_cache_mib", MAPKEEP_FIELD(limits.block_cache_mib), 1, 1 << 20,
               "MiB of decoded blocks kept in memory"),
       Integer("limits.rpc_memory_mib", MAPKEEP_FIELD(limits.rpc_memory_mib), 32, 1 << 20,
-              "MiB of gRPC's buffers, all connections together; near it everybody is read more slowly"),
+              "MiB of gRPC's buffers, and as many of scans not durable yet, of all clients together; near it all are "
+              "read more slowly"),
       Integer("limits.keepalive_seconds", MAPKEEP_FIELD(limits.keepalive_seconds), 1, 3600,
               "Seconds of silence after which a gRPC peer is asked whether it is there; it has half as many to answer, "
               "5 at least"),

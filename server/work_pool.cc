@@ -2,10 +2,17 @@
 
 #include <utility>
 
+#include "server/background.h"
+
 namespace mapkeep {
 
-WorkPool::WorkPool(int threads) {
-  for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Run(); });
+WorkPool::WorkPool(int threads, bool background) {
+  for (int i = 0; i < threads; ++i) {
+    threads_.emplace_back([this, background] {
+      if (background) GiveWay();
+      Run();
+    });
+  }
 }
 
 WorkPool::~WorkPool() {

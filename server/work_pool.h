@@ -22,7 +22,8 @@ struct WorkPoolStatus {
 /// Threads for work that blocks on storage, so that it never holds up the threads that move bytes.
 class WorkPool {
  public:
-  explicit WorkPool(int threads);
+  /// `background`: its threads give way to those that somebody waits for.
+  explicit WorkPool(int threads, bool background = false);
   /// Runs what was submitted, then ends the threads.
   ~WorkPool();
   WorkPool(const WorkPool&) = delete;

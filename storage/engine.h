@@ -86,6 +86,11 @@ class Engine {
     return absl::OkStatus();
   }
 
+  /// PutValues of megabytes that will be deleted together, which an engine may write in a way of its own.
+  virtual absl::Status PutLargeValues(std::string_view group, std::span<const ImmutableValue> values) {
+    return PutValues(group, values);
+  }
+
   /// NOT_FOUND if it was never written or is deleted.
   virtual absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const = 0;
 

@@ -213,7 +213,11 @@ class Copier {
 /// Sessions of a map, with whatever values they have.
 absl::Status CopySessions(const Engine& from, Engine& to, std::string_view map, std::string_view as) {
   std::vector<Mutation> rows;
-  std::vector<std::pair<uint64_t, uint64_t>> incarnations;
+  struct Incarnation {
+    uint64_t source, target;
+    uint32_t durable_scans;
+  };
+  std::vector<Incarnation> incarnations;
   absl::Status decoded;
   const std::string sessions = SessionRowKey("");
   const absl::Status scanned =
@@ -224,17 +228,18 @@ absl::Status CopySessions(const Engine& from, Engine& to, std::string_view map, 
         decoded = session.status();
         if (!decoded.ok()) return false;
         // Values of its own: the copy may lie beside the original.
-        incarnations.emplace_back(session->incarnation, Random64());
-        session->incarnation = incarnations.back().second;
+        incarnations.push_back({session->incarnation, Random64(), session->record.durable_scans});
+        session->incarnation = incarnations.back().target;
         rows.back().value = EncodeSession(*session);
         return true;
       });
   if (!scanned.ok()) return scanned;
   if (!decoded.ok()) return decoded;
-  for (const auto& [source, target] : incarnations) {
+  for (const auto& [source, target, durable_scans] : incarnations) {
     std::vector<std::string> keys;
-    absl::Status listed = from.ScanValueKeys(SessionGroup(source), "", "", [&keys](std::string_view key) {
-      keys.emplace_back(key);
+    const std::string end = ScanKey(durable_scans);  // beyond it, what is listed need not be there
+    absl::Status listed = from.ScanValueKeys(SessionGroup(source), "", "", [&](std::string_view key) {
+      if (key < end || !key.starts_with(kScanPrefix)) keys.emplace_back(key);
       return true;
     });
     for (auto key = keys.begin(); listed.ok() && key != keys.end(); ++key) {

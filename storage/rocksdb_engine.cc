@@ -12,12 +12,14 @@
 #include <rocksdb/utilities/checkpoint.h>
 #include <rocksdb/write_batch.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <mutex>
 #include <utility>
 #include <vector>
 
+#include "storage/rocksdb_table_values.h"
 #include "storage/text.h"
 
 namespace mapkeep {
@@ -27,6 +29,7 @@ constexpr size_t kMaxNameLength = 1000;
 constexpr size_t kMutexes = 64;
 constexpr size_t kBatchBytes = size_t{8} << 20;
 constexpr char kValueKeys[] = "value_keys";
+constexpr char kLargeValues[] = "large_values";
 constexpr char kListedKey[] = "value_keys_are_complete";  // in the default family
 
 bool IsFull(const rocksdb::Status& status) {
@@ -82,11 +85,17 @@ class RocksDbEngine final : public Engine {
  public:
   using Handles = std::vector<rocksdb::ColumnFamilyHandle*>;
 
-  RocksDbEngine(std::unique_ptr<rocksdb::DB> db, const Handles& handles)
-      : db_(std::move(db)), default_(handles[0]), rows_(handles[1]), values_(handles[2]), value_keys_(handles[3]) {}
+  RocksDbEngine(std::unique_ptr<rocksdb::DB> db, const Handles& handles, const std::string& directory)
+      : db_(std::move(db)),
+        default_(handles[0]),
+        rows_(handles[1]),
+        values_(handles[2]),
+        value_keys_(handles[3]),
+        large_values_(handles[4]),
+        large_(*db_, *large_values_, directory + "/arriving") {}
 
   ~RocksDbEngine() override {
-    for (rocksdb::ColumnFamilyHandle* handle : {default_, rows_, values_, value_keys_}) {
+    for (rocksdb::ColumnFamilyHandle* handle : {default_, rows_, values_, value_keys_, large_values_}) {
       db_->DestroyColumnFamilyHandle(handle);
     }
     db_->Close();
@@ -143,9 +152,26 @@ class RocksDbEngine final : public Engine {
     return absl::OkStatus();
   }
 
+  /// As a file of their own. Their names are written before, so that no value is there that is not listed.
+  absl::Status PutLargeValues(std::string_view group, std::span<const ImmutableValue> values) override {
+    if (absl::Status status = CheckName(group); !status.ok()) return status;
+    if (values.empty()) return absl::OkStatus();
+    rocksdb::WriteBatch names;
+    std::vector<RocksDbTableValues::Entry> entries;
+    for (const ImmutableValue& value : values) {
+      entries.emplace_back(KeyOf(group, value.key), value.value);
+      names.Put(value_keys_, entries.back().first, {});
+    }
+    const std::string what = Describe("write large values", group, "");
+    if (absl::Status status = Apply(std::move(names), Durability::kBuffered, what); !status.ok()) return status;
+    return Note(large_.Put(std::move(entries)), what);
+  }
+
   absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const override {
     std::string value;
-    const rocksdb::Status status = db_->Get({}, values_, KeyOf(group, key), &value);
+    const std::string full = KeyOf(group, key);
+    rocksdb::Status status = db_->Get({}, values_, full, &value);
+    if (status.IsNotFound()) status = large_.Get(full, &value);
     if (!status.ok()) return FromRocksDb(status, Describe("read value", group, key));
     return value;
   }
@@ -153,11 +179,17 @@ class RocksDbEngine final : public Engine {
   absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {
     if (absl::Status status = CheckName(group); !status.ok()) return status;
     rocksdb::WriteBatch batch;
+    std::vector<std::string> full;
     for (const std::string& key : keys) {
-      batch.Delete(values_, KeyOf(group, key));
-      batch.Delete(value_keys_, KeyOf(group, key));
+      full.push_back(KeyOf(group, key));
+      batch.Delete(values_, full.back());
+      batch.Delete(value_keys_, full.back());
     }
-    return Apply(std::move(batch), Durability::kBuffered, Describe("delete values", group, ""));
+    const std::string what = Describe("delete values", group, "");
+    if (large_.MayHoldAny(full)) {
+      if (absl::Status status = DeleteLarge(group, std::move(full), batch); !status.ok()) return status;
+    }
+    return Apply(std::move(batch), Durability::kBuffered, what);
   }
 
   absl::Status ScanValueKeys(std::string_view group, std::string_view begin, std::string_view end,
@@ -206,6 +238,28 @@ class RocksDbEngine final : public Engine {
     return Apply(BatchOf(partition, mutations), durability, Describe("compare-and-set", partition, ""));
   }
 
+  /// Whole files at once if the keys are all that the group has between the first and the last of them; the others by
+  /// the batch.
+  absl::Status DeleteLarge(std::string_view group, std::vector<std::string> keys, rocksdb::WriteBatch& batch) {
+    std::ranges::sort(keys);
+    const std::string prefix = PrefixOf(group);
+    bool all = true;
+    const absl::Status scanned = ScanFamily(value_keys_, group, std::string_view(keys.front()).substr(prefix.size()),
+                                            "", [&](std::string_view key, std::string_view) {
+                                              const std::string found = Text(prefix, key);
+                                              if (found > keys.back()) return false;
+                                              all = std::ranges::binary_search(keys, found);
+                                              return all;
+                                            });
+    if (!scanned.ok()) return scanned;
+    if (all) {
+      const rocksdb::Status deleted = large_.DeleteFiles(keys.front(), keys.back());
+      if (!deleted.ok()) return FromRocksDb(deleted, Describe("delete large values", group, ""));
+    }
+    large_.Delete(keys, batch);
+    return absl::OkStatus();
+  }
+
   void Add(std::string_view group, std::span<const ImmutableValue> values, rocksdb::WriteBatch& batch) const {
     for (const ImmutableValue& value : values) {
       const std::string key = KeyOf(group, value.key);
@@ -241,10 +295,13 @@ class RocksDbEngine final : public Engine {
     if (stopped_.load() && db_->Resume().ok()) stopped_ = false;
     rocksdb::WriteOptions options;
     options.sync = durability == Durability::kDurable;
-    const rocksdb::Status status = db_->Write(options, &batch);
-    if (status.ok()) return absl::OkStatus();
-    if (IsFull(status)) stopped_ = true;
-    return FromFailedWrite(status, what);
+    return Note(db_->Write(options, &batch), what);
+  }
+
+  absl::Status Note(const rocksdb::Status& written, std::string_view what) {
+    if (written.ok()) return absl::OkStatus();
+    if (IsFull(written)) stopped_ = true;
+    return FromFailedWrite(written, what);
   }
 
   absl::Status ScanFamily(rocksdb::ColumnFamilyHandle* family, std::string_view partition, std::string_view begin,
@@ -266,8 +323,10 @@ class RocksDbEngine final : public Engine {
   rocksdb::ColumnFamilyHandle* const default_;
   rocksdb::ColumnFamilyHandle* const rows_;
   rocksdb::ColumnFamilyHandle* const values_;
-  rocksdb::ColumnFamilyHandle* const value_keys_;  ///< of values_: to list them without reading them
-  std::array<std::mutex, kMutexes> mutexes_;       ///< partitions that share one only wait for each other
+  rocksdb::ColumnFamilyHandle* const value_keys_;  ///< of values_ and large ones: to list them without reading them
+  rocksdb::ColumnFamilyHandle* const large_values_;
+  RocksDbTableValues large_;
+  std::array<std::mutex, kMutexes> mutexes_;  ///< partitions that share one only wait for each other
   std::atomic<bool> stopped_ = false;
 };
 
@@ -290,6 +349,8 @@ rocksdb::Options DatabaseOptions(const RocksDbOptions& options) {
   database.max_total_wal_size = 4 * options.write_buffer_bytes;
   database.max_open_files = 1024;
   database.bytes_per_sync = uint64_t{1} << 20;
+  // The log goes to the disk while it is written, so that a sync finds little left to wait for.
+  database.wal_bytes_per_sync = uint64_t{1} << 20;
   database.keep_log_file_num = 4;
   database.max_log_file_size = size_t{8} << 20;
   database.info_log_level = rocksdb::WARN_LEVEL;
@@ -317,7 +378,11 @@ std::vector<rocksdb::ColumnFamilyDescriptor> Families(const RocksDbOptions& opti
   values.blob_garbage_collection_age_cutoff = 0.5;
   values.blob_garbage_collection_force_threshold = 0.5;
 
-  return {{rocksdb::kDefaultColumnFamilyName, {}}, {"rows", rows}, {"values", values}, {kValueKeys, rows}};
+  return {{rocksdb::kDefaultColumnFamilyName, {}},
+          {"rows", rows},
+          {"values", values},
+          {kValueKeys, rows},
+          {kLargeValues, RocksDbTableValues::Options(values)}};
 }
 
 }  // namespace
@@ -331,7 +396,7 @@ absl::StatusOr<std::unique_ptr<Engine>> OpenRocksDbEngine(const std::string& dir
   rocksdb::DB* opened = nullptr;
   const rocksdb::Status status = rocksdb::DB::Open(database, directory, Families(options), &handles, &opened);
   if (status.ok()) {
-    auto engine = std::make_unique<RocksDbEngine>(std::unique_ptr<rocksdb::DB>(opened), handles);
+    auto engine = std::make_unique<RocksDbEngine>(std::unique_ptr<rocksdb::DB>(opened), handles, directory);
     if (absl::Status listed = engine->ListValues(); !listed.ok()) return listed;
     return engine;
   }

@@ -83,7 +83,7 @@ std::string SessionPartition(std::string_view map) { return Text("sessions/", ma
 std::string SessionRowKey(std::string_view id) { return Text("session/", id); }
 std::string ContentRowKey(std::string_view id) { return Text("content/", id); }
 std::string SessionGroup(uint64_t incarnation) { return Text("session/", Hex(incarnation)); }
-std::string ScanKey(uint32_t index) { return Text("scan/", absl::Hex(index, absl::kZeroPad8)); }
+std::string ScanKey(uint32_t index) { return Text(kScanPrefix, absl::Hex(index, absl::kZeroPad8)); }
 
 std::string SessionPosition(const SessionRecord& record) {
   const double microseconds = std::clamp(record.created * 1e6, 0.0, 9e18);

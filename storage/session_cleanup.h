@@ -37,6 +37,7 @@ std::string ContentRowKey(std::string_view id);
 std::string SessionPosition(const SessionRecord& record);
 std::string SessionGroup(uint64_t incarnation);
 std::string ScanKey(uint32_t index);
+inline constexpr std::string_view kScanPrefix = "scan/";  ///< of every ScanKey
 std::string CleanupRowKey(const SessionCleanup& cleanup);
 
 /// Deletes the values that a cleanup names, then its row.

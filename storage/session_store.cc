@@ -85,9 +85,10 @@ absl::Status RememberMap(Engine& engine, std::string_view map) {
   return engine.Write(kSessionMaps, row, Durability::kDurable);
 }
 
-absl::StatusOr<std::vector<ImmutableValue>> EncodeScans(uint32_t first, std::span<const StagedScan> scans) {
+absl::StatusOr<std::vector<ImmutableValue>> EncodeScans(uint32_t first, std::span<const StagedScan> scans,
+                                                        ScanForm form) {
   std::vector<absl::StatusOr<std::string>> encoded(scans.size(), std::string());
-  tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) { encoded[i] = EncodeScan(scans[i]); });
+  tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) { encoded[i] = EncodeScan(scans[i], form); });
   std::vector<ImmutableValue> values;
   for (size_t i = 0; i < scans.size(); ++i) {
     const uint32_t index = first + static_cast<uint32_t>(i);
@@ -98,6 +99,13 @@ absl::StatusOr<std::vector<ImmutableValue>> EncodeScans(uint32_t first, std::spa
     values.push_back({ScanKey(index), *std::move(encoded[i])});
   }
   return values;
+}
+
+/// Of their points in memory.
+uint64_t BytesOf(std::span<const StagedScan> scans) {
+  uint64_t bytes = 0;
+  for (const StagedScan& scan : scans) bytes += kPointBytes * scan.scan.points.size();
+  return bytes;
 }
 
 /// Whether scans [first, first + count) are the ones to come next.
@@ -188,9 +196,12 @@ std::string_view IdIn(std::string_view position) { return position.substr(positi
 
 }  // namespace
 
-std::unique_ptr<SessionStore> OpenSessionStore(Engine& engine) { return std::make_unique<SessionStore>(engine); }
+std::unique_ptr<SessionStore> OpenSessionStore(Engine& engine, size_t large_batch_bytes) {
+  return std::make_unique<SessionStore>(engine, large_batch_bytes);
+}
 
-SessionStore::SessionStore(Engine& engine) : engine_(engine) {}
+SessionStore::SessionStore(Engine& engine, size_t large_batch_bytes)
+    : engine_(engine), large_batch_bytes_(large_batch_bytes) {}
 
 absl::StatusOr<SessionRecord> SessionStore::Begin(const SessionRecord& session) {
   for (int i = 0; i < kTries; ++i) {
@@ -311,17 +322,20 @@ absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id
   if (!found.ok()) return found.status();
   if (absl::Status status = CheckAppend(found->value, first, scans.size()); !status.ok()) return status;
   if (scans.empty()) return absl::OkStatus();
-  const absl::StatusOr<std::vector<ImmutableValue>> values = EncodeScans(first, scans);
+  const bool large = BytesOf(scans) >= large_batch_bytes_;
+  const auto values = EncodeScans(first, scans, large ? ScanForm::kPlain : ScanForm::kPacked);
   if (!values.ok()) return values.status();
   const uint64_t incarnation = found->value.incarnation;
-  if (absl::Status status = engine_.PutValues(SessionGroup(incarnation), *values); !status.ok()) return status;
+  const std::string group = SessionGroup(incarnation);
+  const absl::Status put = large ? engine_.PutLargeValues(group, *values) : engine_.PutValues(group, *values);
+  if (!put.ok()) return put;
   const absl::StatusOr<StoredSession> changed =
       ChangeSession(engine_, map, id, [&](const StoredSession& now) -> absl::StatusOr<Change> {
         if (now.incarnation != incarnation) return NoSession(map, id);
         if (absl::Status status = CheckAppend(now, first, scans.size()); !status.ok()) return status;
         Change change{now};
         change.next.record.durable_scans = first + static_cast<uint32_t>(scans.size());
-        for (const StagedScan& scan : scans) change.next.record.staged_bytes += kPointBytes * scan.scan.points.size();
+        change.next.record.staged_bytes += BytesOf(scans);
         for (const StagedScan& scan : scans) change.next.record.payload_bytes += scan.payload_bytes;
         return change;
       });
@@ -329,7 +343,7 @@ absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id
   // Deleted while these were on their way: its cleanup may have missed them.
   std::vector<std::string> keys;
   for (const ImmutableValue& value : *values) keys.push_back(value.key);
-  if (absl::Status status = engine_.DeleteValues(SessionGroup(incarnation), keys); !status.ok()) return status;
+  if (absl::Status status = engine_.DeleteValues(group, keys); !status.ok()) return status;
   return changed.status();
 }
 

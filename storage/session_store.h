@@ -74,8 +74,12 @@ struct StagedScan {
 /// that two writers cannot both believe they won (the loser gets ABORTED).
 class SessionStore final {
  public:
+  /// From so many bytes of points on, a batch of scans is written plain, as large values: whoever sends so fast waits
+  /// for the disk and the processor, not for want of space.
+  static constexpr size_t kLargeBatchBytes = size_t{3} << 20;
+
   /// `engine` outlives it.
-  explicit SessionStore(Engine& engine);
+  explicit SessionStore(Engine& engine, size_t large_batch_bytes = kLargeBatchBytes);
 
   /// Makes the session in state uploading, or gives the one that exists with the same content. ALREADY_EXISTS, naming
   /// the first difference, if its scans differ. One that was rolled back and whose scans are gone is uploading again.
@@ -103,8 +107,9 @@ class SessionStore final {
   absl::StatusOr<StagedScan> ReadScan(std::string_view map, std::string_view id, uint32_t index) const;
 
   /// Writes the record if its stored state is `expected`; ABORTED with the state found otherwise. What the store keeps
-  /// itself is not taken from `session`: content, durable_scans, payload_bytes, staged_bytes, scans_deleted, created, turn. One that becomes queued
-  /// is given the map's next turn, unless the daemon tries it again by itself (`retries` grew): then it keeps its own.
+  /// itself is not taken from `session`: content, durable_scans, payload_bytes, staged_bytes, scans_deleted, created,
+  /// turn. One that becomes queued is given the map's next turn, unless the daemon tries it again by itself (`retries`
+  /// grew): then it keeps its own.
   absl::Status Update(const SessionRecord& session, SessionState expected);
 
   /// Takes a session that was refused, failed or was rolled back back to state queued, without reason and report, and
@@ -126,9 +131,11 @@ class SessionStore final {
 
  private:
   Engine& engine_;
+  const size_t large_batch_bytes_;
 };
 
 /// `engine` outlives the store.
-std::unique_ptr<SessionStore> OpenSessionStore(Engine& engine);
+std::unique_ptr<SessionStore> OpenSessionStore(Engine& engine,
+                                               size_t large_batch_bytes = SessionStore::kLargeBatchBytes);
 
 }  // namespace mapkeep

@@ -109,6 +109,10 @@ class MeteredEngine final : public Engine {
     return Timed(put_values_, BytesOf(values), [&] { return engine_->PutValues(group, values); });
   }
 
+  absl::Status PutLargeValues(std::string_view group, std::span<const ImmutableValue> values) override {
+    return Timed(put_values_, BytesOf(values), [&] { return engine_->PutLargeValues(group, values); });
+  }
+
   absl::Status PutGroups(std::span<const ValueGroup> groups) override {
     size_t bytes = 0;
     for (const ValueGroup& group : groups) bytes += BytesOf(group.values);

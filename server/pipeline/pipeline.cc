@@ -3,6 +3,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/task_scheduler_observer.h>
 
 #include <algorithm>
 #include <chrono>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/background.h"
 #include "server/log.h"
 #include "server/pipeline/job_queue.h"
 
@@ -50,6 +52,17 @@ class LeaseRenewal {
   std::jthread thread_;
 };
 
+// oneTBB's own threads do nothing that anybody waits for at once.
+class WorkersGiveWay final : public tbb::task_scheduler_observer {
+ public:
+  WorkersGiveWay() { observe(true); }
+  ~WorkersGiveWay() override { observe(false); }
+  void on_scheduler_entry(bool is_worker) override {
+    thread_local bool has = false;
+    if (is_worker && !std::exchange(has, true)) GiveWay();
+  }
+};
+
 }  // namespace
 
 struct Pipeline::State {
@@ -60,6 +73,7 @@ struct Pipeline::State {
         parallelism(tbb::global_control::max_allowed_parallelism, threads) {}
 
   void Work() {
+    GiveWay();
     tbb::task_arena arena(threads);
     while (const std::shared_ptr<Job> job = queue.Take()) {
       if (!IsItsTurn(*job)) {
@@ -133,6 +147,7 @@ struct Pipeline::State {
   const PipelineOptions options;
   const int threads;
   const tbb::global_control parallelism;
+  const WorkersGiveWay workers_give_way;
   JobQueue queue;
   std::vector<std::jthread> workers;
 };

@@ -3,8 +3,8 @@
 #include <shared_mutex>
 
 #include "server/config.h"
-#include "server/metrics/call_metrics.h"
 #include "server/epoch_feed.h"
+#include "server/metrics/call_metrics.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/session_feed.h"
 #include "server/quota/quotas.h"
@@ -23,6 +23,7 @@ struct ServiceContext {
   SessionFeed& feed;
   Pipeline& pipeline;
   WorkPool& pool;
+  WorkPool& staging;  ///< of uploads: gives way to `pool`
   const Config& config;
   const Gate& gate;
   CallMetrics& metrics;

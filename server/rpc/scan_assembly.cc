@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <string_view>
@@ -21,6 +22,7 @@ static_assert(std::endian::native == std::endian::little, "points and checksums 
 constexpr size_t kBytesPerPoint = 4 * sizeof(float);  // once they are decoded
 constexpr uint32_t kMostPoints = 4'000'000;
 constexpr size_t kLargestChunk = 1 << 20;
+constexpr size_t kReserved = 4 << 20;
 
 absl::Status At(uint32_t scan, const absl::Status& status) {
   return {status.code(), absl::StrCat("scan ", scan, ": ", status.message())};
@@ -72,6 +74,19 @@ absl::Status CheckPoint(size_t index, const Eigen::Vector3f& point, float intens
   return absl::InvalidArgumentError(absl::StrCat("point ", index, ": ", voxel.status().message()));
 }
 
+// Whether a look at each point's distance suffices: all finite, all surely inside the map's range wherever they lie
+// about the sensor, every intensity a share. False says only that each must be looked at closely.
+bool AllSurelyFine(const Scan& scan, const Pose& in_map, double voxel_size) {
+  // Metres, with room for what rounding and a rotation that is one but for rounding may add.
+  const double reach = 0.9 * kVoxelLimit * voxel_size - in_map.translation().cwiseAbs().maxCoeff();
+  if (!(reach > 0)) return false;
+  const auto reach_squared = static_cast<float>(std::min(reach * reach, 1e30));
+  bool fine = true;
+  for (const Eigen::Vector3f& point : scan.points) fine &= point.squaredNorm() <= reach_squared;  // false for NaN
+  for (const float intensity : scan.intensities) fine &= intensity >= 0 && intensity <= 1;
+  return fine;
+}
+
 }  // namespace
 
 absl::Status ScanAssembly::Begin(v1::ScanHeader header) {
@@ -95,6 +110,8 @@ absl::Status ScanAssembly::Append(const std::string& chunk) {
     return absl::InvalidArgumentError(absl::StrFormat("scan %d: more than the %d bytes of its %d points",
                                                       scan_->header.index(), Wanted(), scan_->header.point_count()));
   }
+  // Not the whole of what a header only claims.
+  if (scan_->bytes.empty()) scan_->bytes.reserve(std::min(Wanted(), kReserved));
   scan_->bytes += chunk;
   return absl::OkStatus();
 }
@@ -140,6 +157,7 @@ absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc3
   staged.scan.time = header.time();
   Pose in_map = *pose;
   in_map.translation() -= range.origin;
+  if (AllSurelyFine(staged.scan, in_map, range.voxel_size)) return staged;
   for (size_t i = 0; i < header.point_count(); ++i) {
     const absl::Status status =
         CheckPoint(i, staged.scan.points[i], staged.scan.intensities[i], in_map, range.voxel_size);

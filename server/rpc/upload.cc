@@ -32,7 +32,8 @@ class Upload final : public Reactor {
         stream_(stream),
         call_(std::move(call)),
         slots_(slots),
-        pending_limit_(static_cast<size_t>(context.config.limits.upload_pending_mib) << 20) {}
+        pending_limit_(static_cast<size_t>(context.config.limits.upload_pending_mib) << 20),
+        total_limit_(static_cast<int64_t>(context.config.limits.rpc_memory_mib) << 20) {}
 
   // Lives until the call is done and nothing on the pool still means it.
   static Upload* Begin(const ServiceContext& context, grpc::CallbackServerContext& stream, Call call,
@@ -121,7 +122,7 @@ class Upload final : public Reactor {
       // What they will take counts, too: a few bytes may decode to many points.
       const size_t bytes = std::max(pending_.back().bytes.size(), pending_.back().DecodedBytes());
       pending_bytes_ += bytes;
-      context_.metrics.Pending(static_cast<double>(bytes));
+      CountPending(static_cast<int64_t>(bytes));
       ++next_index_;
     }
     return absl::OkStatus();
@@ -197,7 +198,7 @@ class Upload final : public Reactor {
 
     const std::lock_guard lock(mutex_);
     busy_ = false;
-    context_.metrics.Pending(-static_cast<double>(std::exchange(staging_bytes_, 0)));
+    CountPending(-static_cast<int64_t>(std::exchange(staging_bytes_, 0)));
     if (status.ok() && !staged.empty()) {
       record_.durable_scans = first + static_cast<uint32_t>(staged.size());
       acknowledge_ = true;
@@ -207,12 +208,17 @@ class Upload final : public Reactor {
     if (!status.ok()) {
       // What came behind cannot be staged, so this is the error, whatever else was wrong there.
       pending_.clear();
-      context_.metrics.Pending(-static_cast<double>(std::exchange(pending_bytes_, 0)));
+      CountPending(-static_cast<int64_t>(std::exchange(pending_bytes_, 0)));
       wrong_index_ = elsewhere;
       failure_.reset();
       Fail(status);
     }
     Proceed();
+  }
+
+  void CountPending(int64_t bytes) {
+    context_.metrics.Pending(static_cast<double>(bytes));
+    slots_.AddPending(bytes);
   }
 
   // What was counted as staged is not.
@@ -242,7 +248,7 @@ class Upload final : public Reactor {
     if (!busy_ && !pending_.empty()) {
       busy_ = true;
       staging_bytes_ = std::exchange(pending_bytes_, 0);
-      context_.pool.Submit([self = self_, batch = std::exchange(pending_, {}), first = record_.durable_scans] {
+      context_.staging.Submit([self = self_, batch = std::exchange(pending_, {}), first = record_.durable_scans] {
         self->Stage(batch, first);
       });
     }
@@ -260,8 +266,10 @@ class Upload final : public Reactor {
       FinishCall(stream_, *this, failure_.value_or(absl::OkStatus()), Details());
       return;
     }
-    // One scan may pass the bound: without its end there is nothing to stage.
-    const bool has_room = pending_bytes_ + staging_bytes_ < pending_limit_;
+    // One scan may pass the bounds: without its end there is nothing to stage. Beyond that one scan an upload takes
+    // part in what all together may hold; its own batch, once durable, makes it look again.
+    const size_t held = pending_bytes_ + staging_bytes_;
+    const bool has_room = held == 0 || (held < pending_limit_ && slots_.pending() < total_limit_);
     if (!reading_ && !reads_ended_ && !ending_ && has_room && !(busy_ && record_.scan_crc32c.empty())) {
       reading_ = true;
       StartRead(&request_);
@@ -281,6 +289,7 @@ class Upload final : public Reactor {
   UploadSlots& slots_;
   std::shared_ptr<Upload> self_;
   const size_t pending_limit_;
+  const int64_t total_limit_;  // of all uploads
 
   std::mutex mutex_;
   v1::UploadScansRequest request_;

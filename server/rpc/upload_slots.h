@@ -1,6 +1,8 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -34,6 +36,10 @@ class UploadSlots {
     return taken_.size();
   }
 
+  /// Bytes of scans that came in (or, negative, went) and are not durable yet, of all uploads.
+  void AddPending(int64_t bytes) { pending_ += bytes; }
+  int64_t pending() const { return pending_; }
+
   /// The daemon ends: stops every upload, also those that come later.
   void Close() {
     const std::lock_guard lock(mutex_);
@@ -44,6 +50,7 @@ class UploadSlots {
  private:
   mutable std::mutex mutex_;
   bool closed_ = false;
+  std::atomic<int64_t> pending_ = 0;
   std::map<Key, std::function<void()>> taken_;
 };
 

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "storage/session_store.h"
 #include "tests/unit/storage/counting_map.h"
@@ -12,6 +14,8 @@ namespace mapkeep {
 enum class Reached { kNothing, kStaged, kQueued, kApplied, kCommitted };
 
 inline constexpr uint32_t kCountingScans = 3;
+/// For session stores of counting sessions: two scans at once are large values.
+inline constexpr size_t kCountingLargeBatch = size_t{2} * 16 * 2000;
 
 /// The scans of a counting session, large enough to lie in files of their own.
 inline StagedScan CountingScan(int session) {
@@ -20,8 +24,8 @@ inline StagedScan CountingScan(int session) {
   return scan;
 }
 
-/// Stages a session's scans, queues it, commits it and drops its scans: as the server does, from wherever an earlier
-/// run was cut off. `fence` is that of its lease. Tells how far it is known to have come.
+/// Stages a session's scans (one by one or all at once), queues it, commits it and drops its scans: as the server does,
+/// from wherever an earlier run was cut off. `fence` is that of its lease. Tells how far it is known to have come.
 inline absl::Status RunCountingSession(MapStore& maps, SessionStore& sessions, int number, uint64_t fence,
                                        const std::function<void(Reached)>& reached) {
   const std::string id = std::to_string(number);
@@ -30,8 +34,10 @@ inline absl::Status RunCountingSession(MapStore& maps, SessionStore& sessions, i
   SessionRecord record = *std::move(begun);
   const StagedScan scan = CountingScan(number);
   if (record.state == SessionState::kUploading) {
-    for (uint32_t i = record.durable_scans; i < kCountingScans; ++i) {
-      if (absl::Status status = sessions.AppendScans("m", id, i, {&scan, 1}); !status.ok()) return status;
+    const uint32_t at_once = number % 2 == 0 ? 1 : kCountingScans;
+    for (uint32_t i = record.durable_scans; i < kCountingScans; i += at_once) {
+      const std::vector<StagedScan> batch(std::min(at_once, kCountingScans - i), scan);
+      if (absl::Status status = sessions.AppendScans("m", id, i, batch); !status.ok()) return status;
     }
     reached(Reached::kStaged);
     record.state = SessionState::kQueued;

@@ -44,7 +44,7 @@ void RunOnRocksDb(const std::string& directory, int first, int end) {
   auto engine = OpenRocksDbEngine(directory);
   Require(engine.status());
   const auto maps = OpenMapStore(**engine, kHasty);
-  const auto sessions = OpenSessionStore(**engine);
+  const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
   const absl::Status made = maps->Create({.name = "m"}).status();
   if (!absl::IsAlreadyExists(made)) Require(made);
   std::vector<std::thread> threads;
@@ -71,7 +71,7 @@ void RunOnRados(const std::string& conf, const std::string& name_space, const st
   auto engine = OpenRadosEngine({.conf = conf, .pool = "maps", .name_space = name_space});
   Require(engine.status());
   const auto maps = OpenMapStore(**engine, kHasty);
-  const auto sessions = OpenSessionStore(**engine);
+  const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
   const auto leases = OpenLeases(**engine);
   std::set<int> open;
   for (int number = 0; number < end; ++number) open.insert(number);

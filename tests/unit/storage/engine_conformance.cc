@@ -155,6 +155,47 @@ TEST_P(EngineTest, ValuesWrittenAgainWithNewOnesBesideThemAreAllThere) {
   EXPECT_THAT(ValueKeysOf("g"), IsEmpty());
 }
 
+TEST_P(EngineTest, LargeValuesAreReadListedAndDeletedLikeOthersWhereverTheyLie) {
+  const auto value = [](char name, size_t bytes) {
+    return ImmutableValue{std::string(1, name), std::string(bytes, name)};
+  };
+  const std::vector<ImmutableValue> small = {value('a', 10)}, large = {value('c', 3 << 20), value('b', 100)},
+                                    again = {value('b', 100), value('d', 1 << 20)};
+  ASSERT_DONE(engine_->PutValues("g", small));
+  ASSERT_DONE(engine_->PutLargeValues("g", large));
+  ASSERT_DONE(engine_->PutLargeValues("g", again)) << "partly the same again does no harm";
+  ASSERT_DONE(engine_->PutLargeValues("other", large));
+  engine_.Reopen();
+  for (const auto& values : {small, large, again}) {
+    for (const ImmutableValue& one : values) EXPECT_EQ(*engine_->GetValue("g", one.key), one.value);
+  }
+  const auto names = [&](std::string_view group) {
+    std::string all;
+    EXPECT_DONE(engine_->ScanValueKeys(group, "", "", [&](std::string_view key) {
+      all += key;
+      return true;
+    }));
+    return all;
+  };
+  EXPECT_EQ(names("g"), "abcd");
+  EXPECT_CODE(engine_->GetValue("g", "e"), kNotFound);
+
+  // Not what lies between those that go, nor what lies beside them in a file.
+  ASSERT_DONE(engine_->DeleteValues("g", std::vector<std::string>{"a", "d"}));
+  EXPECT_EQ(names("g"), "bc");
+  EXPECT_EQ(*engine_->GetValue("g", "b"), again[0].value);
+  EXPECT_EQ(*engine_->GetValue("g", "c"), large[0].value);
+  EXPECT_CODE(engine_->GetValue("g", "d"), kNotFound);
+  ASSERT_DONE(engine_->DeleteValues("g", std::vector<std::string>{"b", "c"}));
+  EXPECT_EQ(names("g"), "");
+  engine_.Reopen();
+  for (const char* key : {"a", "b", "c", "d"}) EXPECT_CODE(engine_->GetValue("g", key), kNotFound) << key;
+  EXPECT_EQ(*engine_->GetValue("other", "c"), large[0].value);
+  EXPECT_EQ(*engine_->GetValue("other", "b"), large[1].value);
+  ASSERT_DONE(engine_->PutLargeValues("g", large)) << "a name that was deleted may come back with what it had";
+  EXPECT_EQ(*engine_->GetValue("g", "c"), large[0].value);
+}
+
 TEST_P(EngineTest, AScanReadsThousandsOfRows) {
   std::vector<Mutation> rows;
   for (int i = 10000; i < 13500; ++i) rows.push_back({std::to_string(i), "x"});

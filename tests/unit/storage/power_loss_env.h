@@ -54,6 +54,13 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     if (unlisted_.erase(from) > 0 && !std::filesystem::exists(to)) unlisted_.insert(to);
     return target()->RenameFile(from, to);
   }
+  rocksdb::Status LinkFile(const std::string& from, const std::string& to) override {
+    if (!Take()) return Off();
+    const std::scoped_lock lock(mutex_);
+    if (const auto found = synced_.find(from); found != synced_.end()) synced_[to] = found->second;
+    unlisted_.insert(to);
+    return target()->LinkFile(from, to);
+  }
   rocksdb::Status DeleteFile(const std::string& name) override {
     if (!Take()) return Off();
     const std::scoped_lock lock(mutex_);

@@ -26,7 +26,7 @@ void RunUntilPowerFails(const std::string& database, PowerLossEnv& env, int firs
   const auto maps = OpenMapStore(**engine, {});
   if (const absl::Status made = maps->Create({.name = "m"}).status(); !made.ok() && !absl::IsAlreadyExists(made))
     return;
-  const auto sessions = OpenSessionStore(**engine);
+  const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
   for (int number = first; !env.has_failed() && number < kMostSessions; ++number) {
     RunCountingSession(*maps, *sessions, number, 0, [&](Reached so_far) {
       reached[number] = std::max(reached[number], so_far);
@@ -56,7 +56,7 @@ TEST(PowerLoss, EveryAcknowledgedSessionIsThereOnceWheneverThePowerFails) {
     if (absl::IsNotFound(map.status()) && reached.empty()) continue;
     ASSERT_DONE(map);
     const std::set<int> applied = AppliedSessions(**engine, map->incarnation);
-    const auto sessions = OpenSessionStore(**engine);
+    const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
     for (const auto& [number, so_far] : reached) {
       if (so_far >= Reached::kApplied) {
         ASSERT_TRUE(applied.contains(number)) << "round " << round;

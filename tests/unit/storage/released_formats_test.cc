@@ -112,6 +112,15 @@ void ExpectNode(const std::string& bytes, const TreeNode& expected) {
   EXPECT_EQ(node->children, expected.children);
 }
 
+void ExpectScan(const std::string& bytes) {
+  const auto scan = DecodeScan(bytes);
+  ASSERT_DONE(scan);
+  EXPECT_EQ(scan->scan.points, ExampleScan().scan.points);
+  EXPECT_EQ(scan->scan.intensities, ExampleScan().scan.intensities);
+  EXPECT_EQ(scan->scan.time, ExampleScan().scan.time);
+  EXPECT_EQ(scan->pose.matrix(), ExampleScan().pose.matrix());
+}
+
 std::vector<Format> Formats() {
   return {
       {"block", [] { return *EncodeBlock(ExampleBlock()); },
@@ -120,15 +129,8 @@ std::vector<Format> Formats() {
          ASSERT_DONE(block);
          EXPECT_EQ(*block, ExampleBlock());
        }},
-      {"scan", [] { return *EncodeScan(ExampleScan()); },
-       [](const std::string& bytes) {
-         const auto scan = DecodeScan(bytes);
-         ASSERT_DONE(scan);
-         EXPECT_EQ(scan->scan.points, ExampleScan().scan.points);
-         EXPECT_EQ(scan->scan.intensities, ExampleScan().scan.intensities);
-         EXPECT_EQ(scan->scan.time, ExampleScan().scan.time);
-         EXPECT_EQ(scan->pose.matrix(), ExampleScan().pose.matrix());
-       }},
+      {"scan", [] { return *EncodeScan(ExampleScan()); }, ExpectScan},
+      {"scan", [] { return *EncodeScan(ExampleScan(), ScanForm::kPlain); }, ExpectScan},
       {"leaf", [] { return EncodeNode(ExampleLeaf()); },
        [](const std::string& bytes) { ExpectNode(bytes, ExampleLeaf()); }},
       {"directory", [] { return EncodeNode(ExampleDirectory()); },
