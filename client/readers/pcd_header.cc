@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr size_t kLongestHeader = 16384;  // bytes
 constexpr uint32_t kMostNumbers = 1024;   // of a field
+constexpr uint64_t kMostExpansion = 88;   // of LZF: three bytes repeat at most 264
 
 using Words = std::vector<absl::string_view>;
 using Lines = absl::flat_hash_map<absl::string_view, Words>;  // by the first word, which is left out
@@ -42,7 +43,6 @@ absl::StatusOr<Lines> SplitHeader(const fs::path& file, absl::string_view text, 
     Words words = absl::StrSplit(line, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
     if (words.empty() || words.front()[0] == '#') continue;
     const absl::string_view key = words.front();
-    // PCL gives up on a line that it does not know, and then reads points through a null pointer.
     constexpr std::array kKeys = {"VERSION", "FIELDS", "SIZE",      "TYPE",   "COUNT",
                                   "WIDTH",   "HEIGHT", "VIEWPOINT", "POINTS", "DATA"};
     if (std::ranges::find(kKeys, key) == kKeys.end()) {
@@ -188,6 +188,9 @@ absl::Status CheckLength(const fs::path& file, std::ifstream& stream, uint64_t b
   }
   if (sizes[1] != needed) {
     return AtFile(file, absl::StrFormat("its compressed points are %d bytes where %d are announced", sizes[1], needed));
+  }
+  if (needed > sizes[0] * kMostExpansion) {
+    return AtFile(file, absl::StrFormat("%d compressed bytes cannot hold %d bytes of points", sizes[0], needed));
   }
   return absl::OkStatus();
 }

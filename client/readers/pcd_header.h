@@ -12,8 +12,8 @@
 
 namespace mapkeep {
 
-/// The header of a PCD file, version 0.7 (or older, without VIEWPOINT). PCL reads the points but trusts the header with
-/// its memory, so the header is judged here first.
+/// The header of a PCD file, version 0.7 (or older, without VIEWPOINT). PCL's own reader trusts it with its memory, and
+/// reads past the end of some damaged ones, so it is judged here.
 struct PcdHeader {
   enum class Encoding : uint8_t { kAscii, kBinary, kCompressed };
   struct Field {

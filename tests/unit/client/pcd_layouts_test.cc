@@ -186,7 +186,28 @@ TEST_F(Elite, TooFewLinesOfPointsAreNamed) {
   WriteText(ScanFile(),
             "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\n"
             "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA ascii\n5 6 7\n");
-  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: its points cannot be read"));
+  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: truncated: 1 points where 2 are announced"));
+}
+
+TEST_F(Elite, APointWithTooFewNumbersOrNoneIsNamed) {
+  const std::string header =
+      "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\n"
+      "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA ascii\n5 6 7\n";
+  WriteText(ScanFile(), header + "8 9\n");
+  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: point 1 has 2 values where 3 are expected"));
+  WriteText(ScanFile(), header + "8 nine 10\n");
+  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: point 1: y 'nine' is not a number"));
+}
+
+TEST_F(Elite, CompressedPointsThatAreDamagedAreNamed) {
+  const std::string header =
+      "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\n"
+      "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 1\nDATA binary_compressed\n";
+  // Two bytes, which refer back to before the beginning.
+  WriteText(ScanFile(), header + std::string("\x02\0\0\0\x0c\0\0\0\x20\x00", 10));
+  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: its points cannot be read: the compressed bytes are damaged"));
+  WriteText(ScanFile(), header + std::string("\0\0\0\0\x0c\0\0\0", 8));
+  EXPECT_THAT(Error(), HasSubstr("Scans/000000.pcd: 0 compressed bytes cannot hold 12 bytes of points"));
 }
 
 TEST_F(Elite, AHeaderLineThatNobodyKnowsIsNamed) {
