@@ -47,15 +47,17 @@ class Departures {
     FindVacated(free_scans, confirmed_scans, counts);
     if (vacated_.empty()) return;
     const auto vacated_around = VacatedByCell();
-    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024),
-                      [&](const auto& range) {
-                        std::vector<int32_t> times;
-                        for (uint32_t id = range.begin(); id != range.end(); ++id) {
-                          if (!candidates_[id] || departed[id]) continue;
-                          const auto around = vacated_around.find(CellOf(indices_[id]));
-                          if (around != vacated_around.end()) departed[id] = LeftWith(id, around->second, times);
-                        }
-                      });
+    tbb::parallel_for(
+        tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024), [&](const auto& range) {
+          std::vector<int32_t> times;
+          for (uint32_t id = range.begin(); id != range.end(); ++id) {
+            if (!candidates_[id] || departed[id]) continue;
+            const auto around = vacated_around.find(CellOf(indices_[id]));
+            if (around == vacated_around.end()) continue;
+            const bool free_since = free_scans[id] > 0 && free_scans[id] >= kMinOrdered * counts.exposures[id];
+            departed[id] = LeftWith(id, free_since, around->second, times);
+          }
+        });
   }
 
  private:
@@ -120,13 +122,15 @@ class Departures {
     return cells;
   }
 
-  // Whether a voxel was left when vacated ones around it were, and nothing beside it stayed.
-  bool LeftWith(uint32_t id, const std::vector<uint32_t>& around, std::vector<int32_t>& times) const {
+  // Whether a voxel was left when vacated ones around it were, and nothing beside it stayed. What was itself looked
+  // through since (`free_since`) may have been left at any time until the others were free; of what was not, only what
+  // was last seen with them is theirs: nobody may have looked there again.
+  bool LeftWith(uint32_t id, bool free_since, const std::vector<uint32_t>& around, std::vector<int32_t>& times) const {
     const double reach = parameters_.reach / parameters_.voxel_size;
     times.clear();
     for (const uint32_t other : around) {
       if (last_[id] <= free_[other] + kSlack && SquaredDistance(id, other) <= reach * reach) {
-        times.push_back(last_[other]);
+        times.push_back(free_since ? free_[other] : last_[other]);
       }
     }
     if (times.size() < kMinWitnesses) return false;
