@@ -19,10 +19,12 @@ constexpr double kNearVoxels = 2.9;     // voxel edges
 constexpr int kSlack = 5;               // scans by which the voxels of an object may be left one after the other
 constexpr int kPersists = 10;           // scans after the departure: what is hit even later stands there still
 constexpr double kMaxPersisting = 0.3;  // share of the voxels around that may
-constexpr int kMinWitnesses = 3;        // vacated voxels that must speak for another one
-constexpr double kMinOrdered = 0.8;     // share of a vacated voxel's exposures that come after its last hit
-constexpr uint32_t kMinHits = 3;        // of a vacated voxel
-constexpr uint32_t kMinConfirmed = 2;   // scans that make a confirmed void of one
+constexpr double kMinGone = 0.3;       // share of the voxels around that left, for one that nobody looked through since
+constexpr int kRounds = 12;            // in which such voxels follow one another
+constexpr int kMinWitnesses = 3;       // vacated voxels that must speak for another one
+constexpr double kMinOrdered = 0.8;    // share of a vacated voxel's exposures that come after its last hit
+constexpr uint32_t kMinHits = 3;       // of a vacated voxel
+constexpr uint32_t kMinConfirmed = 2;  // scans that make a confirmed void of one
 
 // Why a voxel may have been vacated.
 constexpr char kFree = 1, kConfirmed = 2;
@@ -47,17 +49,30 @@ class Departures {
     FindVacated(free_scans, confirmed_scans, counts);
     if (vacated_.empty()) return;
     const auto vacated_around = VacatedByCell();
-    tbb::parallel_for(
-        tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024), [&](const auto& range) {
-          std::vector<int32_t> times;
-          for (uint32_t id = range.begin(); id != range.end(); ++id) {
-            if (!candidates_[id] || departed[id]) continue;
-            const auto around = vacated_around.find(CellOf(indices_[id]));
-            if (around == vacated_around.end()) continue;
-            const bool free_since = free_scans[id] > 0 && free_scans[id] >= kMinOrdered * counts.exposures[id];
-            departed[id] = LeftWith(id, free_since, around->second, times);
-          }
-        });
+    free_since_.resize(indices_.size());
+    for (uint32_t id = 0; id < indices_.size(); ++id) {
+      free_since_[id] = free_scans[id] > 0 && free_scans[id] >= kMinOrdered * counts.exposures[id];
+    }
+    std::vector<char> may_have_left(indices_.size());
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024),
+                      [&](const auto& range) {
+                        std::vector<int32_t> times;
+                        for (uint32_t id = range.begin(); id != range.end(); ++id) {
+                          if (!candidates_[id]) continue;
+                          const auto around = vacated_around.find(CellOf(indices_[id]));
+                          if (around != vacated_around.end()) may_have_left[id] = LeftWith(id, around->second, times);
+                        }
+                      });
+    std::vector<uint32_t> hidden;
+    for (uint32_t id = 0; id < indices_.size(); ++id) {
+      if (!may_have_left[id]) continue;
+      if (free_since_[id]) {
+        departed[id] = 1;
+      } else {
+        hidden.push_back(id);
+      }
+    }
+    MarkHidden(std::move(hidden), departed);
   }
 
  private:
@@ -123,14 +138,14 @@ class Departures {
   }
 
   // Whether a voxel was left when vacated ones around it were, and nothing beside it stayed. What was itself looked
-  // through since (`free_since`) may have been left at any time until the others were free; of what was not, only what
-  // was last seen with them is theirs: nobody may have looked there again.
-  bool LeftWith(uint32_t id, bool free_since, const std::vector<uint32_t>& around, std::vector<int32_t>& times) const {
+  // through since may have been left at any time until the others were free; of what was not, only what was last seen
+  // with them is theirs: nobody may have looked there again.
+  bool LeftWith(uint32_t id, const std::vector<uint32_t>& around, std::vector<int32_t>& times) const {
     const double reach = parameters_.reach / parameters_.voxel_size;
     times.clear();
     for (const uint32_t other : around) {
       if (last_[id] <= free_[other] + kSlack && SquaredDistance(id, other) <= reach * reach) {
-        times.push_back(free_since ? free_[other] : last_[other]);
+        times.push_back(free_since_[id] ? free_[other] : last_[other]);
       }
     }
     if (times.size() < kMinWitnesses) return false;
@@ -140,9 +155,39 @@ class Departures {
     ForEachNear(id, [&](uint32_t other) {
       if (!candidates_[other]) return;
       ++all;
-      persisting += last_[other] > *median + kPersists;
+      persisting += last_[other] > *median + kPersists && !(free_since_[id] && free_since_[other]);
     });
     return persisting <= kMaxPersisting * all;
+  }
+
+  // What may have left but was not looked through since: the far side of a car, and the hedge behind it. It left if
+  // enough around it did, from the outside inwards.
+  void MarkHidden(std::vector<uint32_t> hidden, std::vector<char>& departed) const {
+    std::vector<char> gone = free_since_;
+    for (int round = 0; round < kRounds && !hidden.empty(); ++round) {
+      std::vector<char> leaves(hidden.size());
+      tbb::parallel_for(tbb::blocked_range<size_t>(0, hidden.size(), 256), [&](const auto& range) {
+        for (size_t i = range.begin(); i != range.end(); ++i) {
+          int all = 0, gone_around = 0;
+          ForEachNear(hidden[i], [&](uint32_t other) {
+            if (!candidates_[other]) return;
+            ++all;
+            gone_around += gone[other];
+          });
+          leaves[i] = gone_around >= kMinGone * all;
+        }
+      });
+      std::vector<uint32_t> rest;
+      for (size_t i = 0; i < hidden.size(); ++i) {
+        if (leaves[i]) {
+          departed[hidden[i]] = gone[hidden[i]] = 1;
+        } else {
+          rest.push_back(hidden[i]);
+        }
+      }
+      if (rest.size() == hidden.size()) return;
+      hidden = std::move(rest);
+    }
   }
 
   double SquaredDistance(uint32_t a, uint32_t b) const {
@@ -175,6 +220,7 @@ class Departures {
   const std::vector<int32_t> free_;  // of vacated voxels: the scan that first looked through it then
   const double near_;                // voxel edges
   std::vector<uint32_t> vacated_;
+  std::vector<char> free_since_;  // by id: whether nearly all that looked through it did so after its last hit
 };
 
 }  // namespace

@@ -194,7 +194,7 @@ void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, con
                       .vacated_scans = parameters.vacated_scans,
                       .vacated_neighbours = static_cast<int>(std::lround(more * parameters.vacated_neighbours)),
                       .confirmed_neighbours = static_cast<int>(std::lround(more * parameters.vacated_confirmed)),
-                      .confirm_reach = parameters.confirm_reach / 2,
+                      .confirm_reach = parameters.confirm_reach,
                       .reach = parameters.departure_reach});
   for (uint32_t id = 0; id < verdicts.size(); ++id) {
     if (departed[id]) verdicts[id] = VoxelVerdict::kDynamic;
