@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <random>
 
@@ -70,6 +71,68 @@ TEST(Departures, ACarThatComesAndStaysIsRemoved) {
   const Session session = Waiting([](int i) { return i >= 10; });
   EXPECT_GT(RemovedShare(session, kWaiting), 0.95);
   EXPECT_LT(RemovedShare(session, kWall), 0.01);
+}
+
+// Counts voxel by voxel, as if a session of 100 scans had given them.
+struct Counted {
+  VoxelGrid grid;
+  std::vector<VoxelIndex> voxels;
+  VoxelCounts counts{.ordered = true};
+
+  // A layer of voxels that was hit up to a scan, and looked through `late` times from another one on.
+  void AddLayer(VoxelIndex corner, int along_x, int along_y, uint32_t last_hit, uint32_t late, uint32_t free_from) {
+    for (int i = 0; i < std::max(along_x, along_y); ++i) {
+      for (int z = 0; z < 6; ++z) {
+        voxels.push_back({corner.x + (along_x > 0 ? i : 0), corner.y + (along_y > 0 ? i : 0), corner.z + z});
+        grid.Insert(voxels.back());
+        hit_.push_back({last_hit, late, free_from});
+      }
+    }
+  }
+
+  std::vector<char> Departures() {
+    grid.Finish();
+    for (auto* column :
+         {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late, &counts.first_hit,
+          &counts.last_hit, &counts.free_until, &counts.free_from, &counts.confirmed_early, &counts.confirmed_late}) {
+      column->resize(grid.size());
+    }
+    for (size_t i = 0; i < voxels.size(); ++i) {
+      const uint32_t id = grid.Find(voxels[i]);
+      const auto [last_hit, late, free_from] = hit_[i];
+      counts.hits[id] = last_hit + 1;
+      counts.last_hit[id] = last_hit;
+      counts.exposures[id] = counts.late[id] = late;
+      counts.free_from[id] = free_from;
+      counts.confirmed[id] = counts.confirmed_late[id] = late > 10 ? 2 : 0;
+    }
+    return FindDepartures(grid, counts, std::vector<char>(grid.size(), 1), {});
+  }
+
+ private:
+  std::vector<std::array<uint32_t, 3>> hit_;
+};
+
+TEST(Departures, ACarWhoseFrontIsOutOfSightLongBeforeItLeavesGoesWithItsSideThatIsHardlyLookedThrough) {
+  Counted scene;
+  scene.AddLayer({0, 0, 0}, 0, 8, 20, 20, 60);  // the front: not seen from scan 20 on, until it is free
+  scene.AddLayer({1, 0, 0}, 7, 0, 55, 2, 61);   // the side: seen until the car leaves, then looked through twice
+  scene.AddLayer({2, 10, 0}, 6, 0, 99, 0, 0);   // a wall behind, seen all the time
+  const std::vector<char> departed = scene.Departures();
+  for (const VoxelIndex& voxel : scene.voxels) {
+    EXPECT_EQ(departed[scene.grid.Find(voxel)] != 0, voxel.y < 10) << voxel.x << " " << voxel.y << " " << voxel.z;
+  }
+}
+
+TEST(Departures, WhatNobodyLookedThroughStaysUnlessMuchAroundItLeaves) {
+  Counted scene;
+  scene.AddLayer({0, 0, 0}, 0, 8, 20, 20, 60);  // the front of a car that left
+  scene.AddLayer({1, 0, 0}, 4, 0, 19, 0, 0);    // its floor, never seen again
+  scene.AddLayer({0, -6, 0}, 6, 0, 19, 0, 0);   // a hedge beside it, never seen again either
+  const std::vector<char> departed = scene.Departures();
+  const auto gone = [&](VoxelIndex voxel) { return departed[scene.grid.Find(voxel)] != 0; };
+  EXPECT_TRUE(gone({1, 0, 2}));
+  for (int x = 0; x < 6; ++x) EXPECT_FALSE(gone({x, -6, 2})) << x;
 }
 
 TEST(Departures, ACarThatStaysIsKept) {
