@@ -245,9 +245,12 @@ struct Daemon::State {
                      [this] { return static_cast<double>(staging->Status().at_work); });
     metrics.AddGauge("mapkeep_uploads_open", "Uploads under way",
                      [this] { return static_cast<double>(rpc->uploads()); });
-    for (const bool blocks : {true, false}) {
-      const auto of = [this, blocks] { return blocks ? maps->Caches().blocks : maps->Caches().nodes; };
-      const prometheus::Labels labels = {{"cache", blocks ? "blocks" : "nodes"}};
+    const std::pair<const char*, std::function<CacheUse()>> caches[] = {
+        {"blocks", [this] { return maps->Caches().blocks; }},
+        {"nodes", [this] { return maps->Caches().nodes; }},
+        {"tiles", [this] { return rpc->tile_cache(); }}};
+    for (const auto& [name, of] : caches) {
+      const prometheus::Labels labels = {{"cache", name}};
       metrics.AddCount(
           "mapkeep_cache_hits_total", "Reads that a cache answered", [of] { return static_cast<double>(of().hits); },
           labels);

@@ -246,7 +246,8 @@ std::vector<Setting> MakeSettings() {
       Integer("limits.http_connections", MAPKEEP_FIELD(pages.connections), 1, 1 << 20,
               "HTTP connections at a time; the one that was idle longest makes room"),
       Integer("limits.http_cache_mib", MAPKEEP_FIELD(pages.cache_mib), 1, 1 << 20,
-              "MiB of tiles, and of what coarser tiles are made of, kept in memory"),
+              "MiB of tiles, and of what coarser tiles are made of, kept in memory; half as much for tiles as gRPC "
+              "sends them"),
       Integer("limits.http_stall_seconds", MAPKEEP_FIELD(pages.stall_seconds), 1, 3600,
               "Seconds after which an HTTP client that takes no byte or does not finish its request is cut off"),
       Integer("limits.lease_seconds", MAPKEEP_FIELD(limits.lease_seconds), 3, 3600,

@@ -15,6 +15,7 @@
 namespace mapkeep {
 namespace {
 
+constexpr int kLargestFrame = 1 << 20;     // bytes; a tile then comes in few pieces
 constexpr int kLargestMessage = 64 << 20;  // bytes; tiles of many voxels are long
 constexpr unsigned kSecondsBetweenLooks = 60;
 
@@ -87,6 +88,7 @@ absl::Status CheckCredentials(const ClientOptions& options) {
 std::shared_ptr<grpc::Channel> MakeChannel(const ClientOptions& options) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kLargestMessage);
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_FRAME_SIZE, kLargestFrame);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);

@@ -186,12 +186,16 @@ class TileFolder {
   }
 
   /// Tiles that an earlier run received and did not live to name. A crash of the machine may have left them damaged.
+  /// Those older than the manifest are what it replaced and did not live to remove: taken for held, they would hide
+  /// tiles that it names.
   void TakeStrays() {
     const std::set<std::string> named = Named();  // before strays take the places of the manifest's tiles
-    std::error_code error;
+    std::error_code error, none;
+    const fs::file_time_type settled = fs::last_write_time(path_ / kManifest, none);
     for (const fs::directory_entry& entry : fs::directory_iterator(path_ / kTiles, error)) {
       const fs::path& path = entry.path();
       if (path.extension() != ".tile" || named.contains(path.filename().string())) continue;
+      if (!none && entry.last_write_time(error) < settled) continue;
       const std::string bytes = ReadAll(path);
       const absl::StatusOr<MapTile> tile = DecodeTile(bytes);
       const bool is_ours = tile.ok() && tile->map == query_.map &&

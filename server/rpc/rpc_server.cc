@@ -22,6 +22,7 @@ namespace mapkeep {
 namespace {
 
 constexpr int kLargestMessage = 8 << 20;
+constexpr int kLargestFrame = 1 << 20;  // a chunk of a scan then comes in few pieces
 // A peer on a busy machine may need as long to say that it is there.
 constexpr int kShortestAnswerMilliseconds = 5000;
 // Of one connection; proxies put many clients on one, and open another when it is full.
@@ -55,6 +56,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const Endpoint& endp
   const Limits& limits = context.config.limits;
   grpc::ServerBuilder builder;
   builder.SetMaxReceiveMessageSize(kLargestMessage);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_FRAME_SIZE, kLargestFrame);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a taken port is an error, not a share
   // Finds clients that vanished without a word, and bears clients that do the same.
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 1000 * limits.keepalive_seconds);
@@ -91,6 +93,8 @@ RpcServer::~RpcServer() {
 }
 
 size_t RpcServer::uploads() const { return services_->uploads.size(); }
+
+CacheUse RpcServer::tile_cache() const { return services_->tiles.buffer_use(); }
 
 void RpcServer::SetServing(bool serving) {
   if (auto* health = services_->server->GetHealthCheckService()) health->SetServingStatus(serving);

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "server/rpc/context.h"
+#include "storage/cache_use.h"
 
 namespace mapkeep {
 
@@ -21,6 +22,9 @@ class RpcServer {
 
   /// Uploads under way.
   size_t uploads() const;
+
+  /// Of the tiles that are kept as they are sent.
+  CacheUse tile_cache() const;
 
   /// What the health service answers.
   void SetServing(bool serving);

@@ -13,6 +13,7 @@
 #include "server/rpc/map_watch.h"
 #include "server/rpc/paging.h"
 #include "server/rpc/pulled_stream.h"
+#include "server/rpc/tile_buffers.h"
 #include "server/rpc/tile_message.h"
 #include "server/rpc/tile_selection.h"
 #include "server/rpc/tile_service.h"
@@ -85,30 +86,34 @@ v1::TileStreamHeader HeaderOf(const Snapshot& snapshot) {
 /// The messages of a GetTiles call, one after the other.
 class GetSequence {
  public:
-  GetSequence(const ServiceContext& context, const v1::GetTilesRequest& request)
-      : context_(context), request_(request) {}
+  using Request = v1::GetTilesRequest;
 
-  absl::StatusOr<bool> Next(v1::GetTilesResponse& response) {
+  GetSequence(const ServiceContext& context, TileBuffers& buffers, Request request)
+      : context_(context), buffers_(buffers), request_(std::move(request)) {}
+
+  absl::StatusOr<bool> Next(grpc::ByteBuffer& message) {
     if (!selection_.snapshot) {
       auto selected = request_.ids().empty()
                           ? SelectTiles(context_, request_.map(), EpochOf(request_), AreaOf(request_))
                           : SelectTiles(context_, request_.map(), EpochOf(request_), request_.ids());
       if (!selected.ok()) return selected.status();
       selection_ = *std::move(selected);
+      v1::GetTilesResponse response;
       *response.mutable_header() = HeaderOf(*selection_.snapshot);
+      message = BufferOf(response);
       return true;
     }
     if (next_ == selection_.tiles.size()) return false;
-    auto tile =
-        MakeTile(*selection_.snapshot, selection_.tiles[next_++], request_.detail(), context_.config.stages.filter.eta);
+    auto tile = buffers_.Of(*selection_.snapshot, selection_.tiles[next_++], request_.detail());
     if (!tile.ok()) return tile.status();
-    *response.mutable_tile() = *std::move(tile);
+    message = *std::move(tile);
     return true;
   }
 
  private:
   const ServiceContext context_;
-  const v1::GetTilesRequest request_;
+  TileBuffers& buffers_;
+  const Request request_;
   TileSelection selection_;
   size_t next_ = 0;
 };
@@ -116,25 +121,34 @@ class GetSequence {
 /// The messages of a SyncTiles call, one after the other.
 class SyncSequence {
  public:
-  SyncSequence(const ServiceContext& context, const v1::SyncTilesRequest& request)
-      : context_(context), request_(request) {}
+  using Request = v1::SyncTilesRequest;
 
-  absl::StatusOr<bool> Next(v1::SyncTilesResponse& response) {
-    if (!snapshot_) return Open(*response.mutable_header());
+  SyncSequence(const ServiceContext& context, TileBuffers& buffers, Request request)
+      : context_(context), buffers_(buffers), request_(std::move(request)) {}
+
+  absl::StatusOr<bool> Next(grpc::ByteBuffer& message) {
+    if (!snapshot_) {
+      v1::SyncTilesResponse response;
+      if (absl::Status status = Open(*response.mutable_header()); !status.ok()) return status;
+      message = BufferOf(response);
+      return true;
+    }
     if (next_ == changed_.size()) return false;
     const TileEntry& entry = changed_[next_++];
     if (request_.list_only()) {
+      v1::SyncTilesResponse response;
       *response.mutable_info() = DescribeTile(*snapshot_, entry, request_.detail());
+      message = BufferOf(response);
       return true;
     }
-    auto tile = MakeTile(*snapshot_, entry, request_.detail(), context_.config.stages.filter.eta);
+    auto tile = buffers_.Of(*snapshot_, entry, request_.detail());
     if (!tile.ok()) return tile.status();
-    *response.mutable_tile() = *std::move(tile);
+    message = *std::move(tile);
     return true;
   }
 
  private:
-  absl::StatusOr<bool> Open(v1::SyncTilesHeader& header) {
+  absl::Status Open(v1::SyncTilesHeader& header) {
     auto selected = SelectTiles(context_, request_.map(), EpochOf(request_), AreaOf(request_));
     if (!selected.ok()) return selected.status();
     auto changes = ChangesFor(request_.held(), selected->tiles);
@@ -149,24 +163,32 @@ class SyncSequence {
     for (const TileEntry& entry : changed_) bytes += DescribeTile(*snapshot_, entry, request_.detail()).bytes();
     header.set_changed_bytes(bytes);
     header.set_tiles(selected->tiles.size());
-    return true;
+    return absl::OkStatus();
   }
 
   const ServiceContext context_;
-  v1::SyncTilesRequest request_;
+  TileBuffers& buffers_;
+  Request request_;
   std::unique_ptr<Snapshot> snapshot_;
   std::vector<TileEntry> changed_;
   size_t next_ = 0;
 };
 
+using BytesReactor = grpc::ServerWriteReactor<grpc::ByteBuffer>;
+
 /// A stream of what the sequence gives, if the gate admits the call.
-template <typename Sequence, typename Response, typename Request>
-grpc::ServerWriteReactor<Response>* StreamOf(const ServiceContext& context, grpc::CallbackServerContext& call,
-                                             const Request& request) {
-  return Admitted<grpc::ServerWriteReactor<Response>>(context.gate, call, request, [&](const Call&) {
-    auto sequence = std::make_shared<Sequence>(context, request);
-    return new PulledStream<Response>(context.pool,
-                                      [sequence](Response& response) { return sequence->Next(response); });
+template <typename Sequence>
+BytesReactor* StreamOf(const ServiceContext& context, TileBuffers& buffers, grpc::CallbackServerContext& call,
+                       grpc::ByteBuffer bytes) {
+  typename Sequence::Request request;
+  if (!grpc::SerializationTraits<typename Sequence::Request>::Deserialize(&bytes, &request).ok()) {
+    return new Refused<BytesReactor>(
+        ToGrpc(absl::InvalidArgumentError(absl::StrFormat("this is not a %s", request.GetDescriptor()->full_name()))));
+  }
+  return Admitted<BytesReactor>(context.gate, call, request, [&](const Call&) {
+    auto sequence = std::make_shared<Sequence>(context, buffers, std::move(request));
+    return new PulledStream<grpc::ByteBuffer>(
+        context.pool, [sequence](grpc::ByteBuffer& message) { return sequence->Next(message); });
   });
 }
 
@@ -177,14 +199,12 @@ grpc::ServerUnaryReactor* TileService::ListTiles(grpc::CallbackServerContext* ca
   return Answer(call, context_, *request, [=, this] { return List(context_, *request, *response); });
 }
 
-grpc::ServerWriteReactor<v1::GetTilesResponse>* TileService::GetTiles(grpc::CallbackServerContext* call,
-                                                                      const v1::GetTilesRequest* request) {
-  return StreamOf<GetSequence, v1::GetTilesResponse>(context_, *call, *request);
+BytesReactor* TileService::GetTiles(grpc::CallbackServerContext* call, const grpc::ByteBuffer* request) {
+  return StreamOf<GetSequence>(context_, buffers_, *call, *request);
 }
 
-grpc::ServerWriteReactor<v1::SyncTilesResponse>* TileService::SyncTiles(grpc::CallbackServerContext* call,
-                                                                        const v1::SyncTilesRequest* request) {
-  return StreamOf<SyncSequence, v1::SyncTilesResponse>(context_, *call, *request);
+BytesReactor* TileService::SyncTiles(grpc::CallbackServerContext* call, const grpc::ByteBuffer* request) {
+  return StreamOf<SyncSequence>(context_, buffers_, *call, *request);
 }
 
 grpc::ServerWriteReactor<v1::WatchMapResponse>* TileService::WatchMap(grpc::CallbackServerContext* call,

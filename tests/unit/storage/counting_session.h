@@ -12,6 +12,7 @@ namespace mapkeep {
 
 /// How far a counting session has been acknowledged.
 enum class Reached { kNothing, kStaged, kQueued, kApplied, kCommitted };
+inline constexpr int kReachedStates = 5;
 
 inline constexpr uint32_t kCountingScans = 3;
 /// For session stores of counting sessions: two scans at once are large values.

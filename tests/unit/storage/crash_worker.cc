@@ -2,6 +2,8 @@
 // number of each session to standard output once it is acknowledged.
 //
 //   crash_worker DIRECTORY FIRST END                 on RocksDB, from two threads
+//   crash_worker power DIRECTORY FIRST WRITES SEED   on RocksDB, until the power fails at that write; acknowledges
+//                                                    kReachedStates * session + how far it has come
 //   crash_worker CEPH_CONF NAMESPACE HOLDER END      on RADOS, beside others, under leases of a fifth of a second
 
 #include <unistd.h>
@@ -20,6 +22,7 @@
 #include "storage/rocksdb_engine.h"
 #include "storage/session_store.h"
 #include "tests/unit/storage/counting_session.h"
+#include "tests/unit/storage/power_loss_env.h"
 
 namespace mapkeep {
 namespace {
@@ -60,6 +63,22 @@ void RunOnRocksDb(const std::string& directory, int first, int end) {
   for (std::thread& thread : threads) thread.join();
 }
 
+void RunUntilPowerFails(const std::string& directory, int first, int writes, uint64_t seed) {
+  PowerLossEnv env(writes, seed);
+  const auto engine = OpenRocksDbEngine(directory, {.env = &env, .write_buffer_bytes = size_t{1} << 18});
+  Require(engine.status());
+  const auto maps = OpenMapStore(**engine, {});
+  const absl::Status made = maps->Create({.name = "m"}).status();
+  if (!absl::IsAlreadyExists(made)) Require(made);
+  const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
+  for (int number = first; number < kMostPasses; ++number) {
+    Require(RunCountingSession(*maps, *sessions, number, 0, [number](Reached so_far) {
+      Acknowledge(kReachedStates * number + static_cast<int>(so_far));
+    }));
+    if (number % 5 == 0) Require(CollectGarbage(**engine, {.keep_epochs = 3, .grace_seconds = 0}).status());
+  }
+}
+
 // What a worker finds that slept past its lease: another one has moved the session on meanwhile.
 bool IsPassedBy(const absl::Status& status) {
   return absl::IsAborted(status) || absl::IsFailedPrecondition(status) || absl::IsOutOfRange(status) ||
@@ -97,6 +116,9 @@ void RunOnRados(const std::string& conf, const std::string& name_space, const st
 
 int main(int argc, char** argv) {
   if (argc == 4) mapkeep::RunOnRocksDb(argv[1], std::atoi(argv[2]), std::atoi(argv[3]));
+  if (argc == 6) {
+    mapkeep::RunUntilPowerFails(argv[2], std::atoi(argv[3]), std::atoi(argv[4]), std::strtoull(argv[5], nullptr, 10));
+  }
   if (argc == 5) mapkeep::RunOnRados(argv[1], argv[2], argv[3], std::atoi(argv[4]));
-  return argc == 4 || argc == 5 ? 0 : 2;
+  return argc >= 4 && argc <= 6 ? 0 : 2;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rocksdb/env.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <map>
@@ -13,18 +14,19 @@
 
 namespace mapkeep {
 
-/// A file layer whose power fails after a number of writes: from then on every write is an error, and DropUnsynced
-/// takes away what was not synced before: the ends of files, and new files whose directory was not. (What is renamed
-/// onto another file is taken to replace it: a journalling file system's promise.)
+/// A file layer whose power fails after a number of writes: then what was not synced goes (the ends of files, and new
+/// files whose directory was not), and with it this process, at once and with status 0, whatever it was at. (What is
+/// renamed onto another file is taken to replace it: a journalling file system's promise.)
 class PowerLossEnv final : public rocksdb::EnvWrapper {
  public:
-  explicit PowerLossEnv(int writes_left) : rocksdb::EnvWrapper(rocksdb::Env::Default()), writes_left_(writes_left) {}
+  PowerLossEnv(int writes_left, uint64_t seed)
+      : rocksdb::EnvWrapper(rocksdb::Env::Default()), random_(seed), writes_left_(writes_left) {}
 
   const char* Name() const override { return "PowerLossEnv"; }
 
   rocksdb::Status NewWritableFile(const std::string& name, std::unique_ptr<rocksdb::WritableFile>* file,
                                   const rocksdb::EnvOptions& options) override {
-    if (!Take()) return Off();
+    Take();
     const bool is_new = !std::filesystem::exists(name);
     std::unique_ptr<rocksdb::WritableFile> opened;
     rocksdb::Status status = target()->NewWritableFile(name, &opened, options);
@@ -48,45 +50,25 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     return status;
   }
   rocksdb::Status RenameFile(const std::string& from, const std::string& to) override {
-    if (!Take()) return Off();
+    Take();
     const std::scoped_lock lock(mutex_);
     if (const auto found = synced_.extract(from); !found.empty()) synced_[to] = found.mapped();
     if (unlisted_.erase(from) > 0 && !std::filesystem::exists(to)) unlisted_.insert(to);
     return target()->RenameFile(from, to);
   }
   rocksdb::Status LinkFile(const std::string& from, const std::string& to) override {
-    if (!Take()) return Off();
+    Take();
     const std::scoped_lock lock(mutex_);
     if (const auto found = synced_.find(from); found != synced_.end()) synced_[to] = found->second;
     unlisted_.insert(to);
     return target()->LinkFile(from, to);
   }
   rocksdb::Status DeleteFile(const std::string& name) override {
-    if (!Take()) return Off();
+    Take();
     const std::scoped_lock lock(mutex_);
     synced_.erase(name);
     unlisted_.erase(name);
     return target()->DeleteFile(name);
-  }
-
-  bool has_failed() const {
-    const std::scoped_lock lock(mutex_);
-    return writes_left_ <= 0;
-  }
-
-  /// Once nobody has a file open. Of what was not synced, all goes, or a random part of each file's end stays.
-  void DropUnsynced(std::mt19937_64& random) {
-    const std::scoped_lock lock(mutex_);
-    const bool tear = random() % 2 == 0;
-    for (const auto& [name, size] : synced_) {
-      std::error_code gone;
-      const uint64_t written = std::filesystem::file_size(name, gone);
-      if (gone || written <= size) continue;
-      std::filesystem::resize_file(name, tear ? size + random() % (written - size + 1) : size);
-    }
-    for (const std::string& name : unlisted_) {
-      if (!tear || random() % 2 == 0) std::filesystem::remove(name);
-    }
   }
 
  private:
@@ -95,7 +77,7 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     File(PowerLossEnv& env, std::string name, std::unique_ptr<rocksdb::WritableFile> file)
         : rocksdb::WritableFileWrapper(file.get()), env_(env), name_(std::move(name)), file_(std::move(file)) {}
     rocksdb::Status Append(const rocksdb::Slice& data) override {
-      if (!env_.Take()) return Off();
+      env_.Take();
       rocksdb::Status status = file_->Append(data);
       if (status.ok()) size_ += data.size();
       return status;
@@ -103,12 +85,17 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     rocksdb::Status Append(const rocksdb::Slice& data, const rocksdb::DataVerificationInfo&) override {
       return Append(data);
     }
-    rocksdb::Status Sync() override { return Synced(file_->Sync()); }
-    rocksdb::Status Fsync() override { return Synced(file_->Fsync()); }
+    rocksdb::Status Sync() override {
+      env_.Take();
+      return Synced(file_->Sync());
+    }
+    rocksdb::Status Fsync() override {
+      env_.Take();
+      return Synced(file_->Fsync());
+    }
 
    private:
     rocksdb::Status Synced(rocksdb::Status status) {
-      if (!env_.Take()) return Off();
       const std::scoped_lock lock(env_.mutex_);
       const auto found = env_.synced_.find(name_);
       if (status.ok() && found != env_.synced_.end()) found->second = size_;
@@ -126,7 +113,7 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     Folder(PowerLossEnv& env, std::string name, std::unique_ptr<rocksdb::Directory> directory)
         : env_(env), name_(std::move(name)), directory_(std::move(directory)) {}
     rocksdb::Status Fsync() override {
-      if (!env_.Take()) return Off();
+      env_.Take();
       rocksdb::Status status = directory_->Fsync();
       if (!status.ok()) return status;
       const std::scoped_lock lock(env_.mutex_);
@@ -142,13 +129,29 @@ class PowerLossEnv final : public rocksdb::EnvWrapper {
     const std::unique_ptr<rocksdb::Directory> directory_;
   };
 
-  static rocksdb::Status Off() { return rocksdb::Status::IOError("the power is off"); }
-  bool Take() {
+  void Take() {
     const std::scoped_lock lock(mutex_);
-    return --writes_left_ > 0;
+    if (--writes_left_ > 0) return;
+    DropUnsynced();
+    ::_exit(0);
   }
 
-  mutable std::mutex mutex_;
+  /// Of what was not synced, all goes, or a random part of each file's end stays.
+  void DropUnsynced() {
+    const bool tear = random_() % 2 == 0;
+    for (const auto& [name, size] : synced_) {
+      std::error_code gone;
+      const uint64_t written = std::filesystem::file_size(name, gone);
+      if (gone || written <= size) continue;
+      std::filesystem::resize_file(name, tear ? size + random_() % (written - size + 1) : size);
+    }
+    for (const std::string& name : unlisted_) {
+      if (!tear || random_() % 2 == 0) std::filesystem::remove(name);
+    }
+  }
+
+  std::mutex mutex_;
+  std::mt19937_64 random_;
   int writes_left_;
   std::map<std::string, uint64_t> synced_;  ///< bytes of each file written here that are on the disk
   std::set<std::string> unlisted_;          ///< new files whose directory was not synced since

@@ -6,34 +6,17 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <optional>
 #include <random>
 #include <set>
+#include <string>
 
-#include "storage/collector.h"
 #include "tests/unit/storage/counting_session.h"
-#include "tests/unit/storage/power_loss_env.h"
 #include "tests/unit/storage/test_engine.h"
+#include "tests/unit/storage/worker_process.h"
 
 namespace mapkeep {
 namespace {
-
-constexpr int kMostSessions = 100'000;
-
-/// Runs sessions from `first` on until the power fails; notes how far each was acknowledged.
-void RunUntilPowerFails(const std::string& database, PowerLossEnv& env, int first, std::map<int, Reached>& reached) {
-  const auto engine = OpenRocksDbEngine(database, {.env = &env, .write_buffer_bytes = size_t{1} << 18});
-  if (!engine.ok()) return;
-  const auto maps = OpenMapStore(**engine, {});
-  if (const absl::Status made = maps->Create({.name = "m"}).status(); !made.ok() && !absl::IsAlreadyExists(made))
-    return;
-  const auto sessions = OpenSessionStore(**engine, kCountingLargeBatch);
-  for (int number = first; !env.has_failed() && number < kMostSessions; ++number) {
-    RunCountingSession(*maps, *sessions, number, 0, [&](Reached so_far) {
-      reached[number] = std::max(reached[number], so_far);
-    }).IgnoreError();
-    if (number % 5 == 0) CollectGarbage(**engine, {.keep_epochs = 3, .grace_seconds = 0}).IgnoreError();
-  }
-}
 
 TEST(PowerLoss, EveryAcknowledgedSessionIsThereOnceWheneverThePowerFails) {
   const int rounds = std::getenv("MAPKEEP_LONG") != nullptr ? 100 : 5;
@@ -45,9 +28,13 @@ TEST(PowerLoss, EveryAcknowledgedSessionIsThereOnceWheneverThePowerFails) {
     // What an earlier round was cut off at goes on; the others are found to be done.
     int first = 0;
     while (reached.contains(first) && reached.at(first) == Reached::kCommitted) ++first;
-    PowerLossEnv env(60 + static_cast<int>(random() % 600));
-    RunUntilPowerFails(database, env, first, reached);
-    env.DropUnsynced(random);
+    const uint64_t writes = 60 + random() % 600;
+    WorkerProcess worker({"power", database, std::to_string(first), std::to_string(writes), std::to_string(random())});
+    while (const std::optional<int> acknowledged = worker.NextAcknowledged()) {
+      Reached& so_far = reached[*acknowledged / kReachedStates];
+      so_far = std::max(so_far, Reached{*acknowledged % kReachedStates});
+    }
+    ASSERT_EQ(worker.Wait(), 0);
 
     const auto engine = OpenRocksDbEngine(database);
     ASSERT_DONE(engine);

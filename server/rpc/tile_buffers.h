@@ -20,13 +20,13 @@ grpc::ByteBuffer BufferOf(const google::protobuf::MessageLite& message);
 
 /// Tiles as GetTiles and SyncTiles send them: made once, kept by what they are made of, and sent to all who ask without
 /// being copied or encoded again. Thread-safe.
-class TileMessages {
+class TileBuffers {
  public:
   /// `eta` of eq. 4, for the stabilities.
-  TileMessages(size_t cache_bytes, double eta) : eta_(eta), cache_(cache_bytes) {}
+  TileBuffers(size_t cache_bytes, double eta) : eta_(eta), cache_(cache_bytes) {}
 
-  /// GetTilesResponse with `tile` set, which is SyncTilesResponse with `tile` set as well. Reads the store if nobody asked
-  /// before; DATA_LOSS as of Snapshot::Read.
+  /// GetTilesResponse with `tile` set, which is SyncTilesResponse with `tile` set as well. Reads the store if nobody
+  /// asked before; DATA_LOSS as of Snapshot::Read.
   absl::StatusOr<grpc::ByteBuffer> Of(const Snapshot& snapshot, const TileEntry& entry, v1::TileDetail detail);
 
   CacheUse Use() const { return cache_.Use(); }

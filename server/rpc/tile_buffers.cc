@@ -1,4 +1,4 @@
-#include "server/rpc/tile_messages.h"
+#include "server/rpc/tile_buffers.h"
 
 #include <memory>
 #include <utility>
@@ -8,7 +8,7 @@
 namespace mapkeep {
 namespace {
 
-static_assert(v1::GetTilesResponse::kTileFieldNumber == v1::SyncTilesResponse::kTileFieldNumber,
+static_assert(int{v1::GetTilesResponse::kTileFieldNumber} == int{v1::SyncTilesResponse::kTileFieldNumber},
               "one message serves both calls");
 
 using SharedMessage = std::shared_ptr<const std::string>;
@@ -28,8 +28,8 @@ grpc::ByteBuffer BufferOf(const google::protobuf::MessageLite& message) {
   return Share(std::make_shared<const std::string>(message.SerializeAsString()));
 }
 
-absl::StatusOr<grpc::ByteBuffer> TileMessages::Of(const Snapshot& snapshot, const TileEntry& entry,
-                                                  v1::TileDetail detail) {
+absl::StatusOr<grpc::ByteBuffer> TileBuffers::Of(const Snapshot& snapshot, const TileEntry& entry,
+                                                 v1::TileDetail detail) {
   const bool masks = detail == v1::TILE_DETAIL_SUB_VOXELS;
   const Name name{snapshot.map().incarnation, static_cast<uint64_t>(entry.key), entry.version.attempt,
                   entry.version.round, masks ? 1 : 0};
