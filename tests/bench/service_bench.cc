@@ -1,15 +1,22 @@
 // What a daemon bears: robots that only stay connected, scans made durable, tiles read meanwhile. Starts a mapkeepd of
-// its own on a temporary directory (TMPDIR says where) and prints one line a figure.
+// its own on a temporary directory (TMPDIR says where) and prints one line a figure. Tiles are read by a process of its
+// own, and the robots give way to it and to the daemon: their work is not on the daemon's machine in a fleet.
 
+#include <fcntl.h>
 #include <grpcpp/grpcpp.h>
+#include <spawn.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
@@ -28,6 +35,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kMegabyte = 1e6;
 constexpr int kPoints = 120'000;
 constexpr size_t kChunk = size_t{1} << 20;
+constexpr int kRobotNice = 10;
 
 struct Options {
   int idle = 2000;
@@ -133,30 +141,88 @@ void Upload(const std::string& address, const std::string& id, const std::vector
   Check(upload->Finish(), "UploadScans");
 }
 
-// Seconds of each read of one tile until `done`.
-std::vector<double> ReadTiles(const std::string& address, const std::atomic<bool>& done) {
+// How a tile is read: as robots do it, or block by block with all that the map has of it.
+template <typename Response>
+double SecondsOfRead(const std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>& start,
+                     int least) {
+  const auto began = Clock::now();
+  const auto call = Robot::Call();
+  const auto stream = start(call.get());
+  Response response;
+  int messages = 0;
+  while (stream->Read(&response)) ++messages;
+  Check(stream->Finish(), "a read of a tile");
+  if (messages < least) Check(grpc::Status(grpc::StatusCode::NOT_FOUND, "the tile is not there"), "a read of a tile");
+  return SecondsSince(began);
+}
+
+// Reads one tile over and over until standard input ends, both ways in turns, and writes the seconds of each read to
+// standard output: pairs.
+void ReadTiles(const std::string& address) {
+  std::atomic<bool> done = false;
+  std::thread waiting([&done] {
+    while (std::getchar() != EOF) continue;
+    done = true;
+  });
   Robot robot(address);
-  v1::StreamTilesRequest request;
-  request.set_map("tiles");
-  request.mutable_box()->mutable_min()->set_x(0);
-  request.mutable_box()->mutable_min()->set_y(-6);
-  request.mutable_box()->mutable_min()->set_z(-5);
-  request.mutable_box()->mutable_max()->set_x(12);
-  request.mutable_box()->mutable_max()->set_y(6);
-  request.mutable_box()->mutable_max()->set_z(5);
+  v1::GetTilesRequest tile;
+  tile.set_map("tiles");
+  tile.add_ids();
+  v1::StreamTilesRequest blocks;
+  blocks.set_map("tiles");
+  blocks.mutable_box()->mutable_min()->set_x(0);
+  blocks.mutable_box()->mutable_min()->set_y(-6);
+  blocks.mutable_box()->mutable_min()->set_z(-5);
+  blocks.mutable_box()->mutable_max()->set_x(12);
+  blocks.mutable_box()->mutable_max()->set_y(6);
+  blocks.mutable_box()->mutable_max()->set_z(5);
   std::vector<double> seconds;
   while (!done) {
-    const auto began = Clock::now();
-    const auto call = Robot::Call();
-    const auto stream = robot.tiles().StreamTiles(call.get(), request);
-    v1::StreamTilesResponse response;
-    while (stream->Read(&response)) continue;
-    Check(stream->Finish(), "StreamTiles");
-    seconds.push_back(SecondsSince(began));
+    seconds.push_back(SecondsOfRead<v1::GetTilesResponse>(
+        [&](grpc::ClientContext* call) { return robot.tiles().GetTiles(call, tile); }, 2));
+    seconds.push_back(SecondsOfRead<v1::StreamTilesResponse>(
+        [&](grpc::ClientContext* call) { return robot.tiles().StreamTiles(call, blocks); }, 2));
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return seconds;
+  waiting.join();
+  for (const double one : seconds) std::printf("%.9f\n", one);
 }
+
+// This program as a reader of tiles.
+class TileReader {
+ public:
+  explicit TileReader(const std::string& address) {
+    std::array<int, 2> to{}, from{};
+    if (pipe2(to.data(), O_CLOEXEC) != 0 || pipe2(from.data(), O_CLOEXEC) != 0) std::abort();
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, to[0], STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, from[1], STDOUT_FILENO);
+    std::string program = "/proc/self/exe", flag = "--read-tiles", where = address;
+    std::array<char*, 4> words = {program.data(), flag.data(), where.data(), nullptr};
+    if (posix_spawn(&process_, program.c_str(), &actions, nullptr, words.data(), environ) != 0) std::abort();
+    posix_spawn_file_actions_destroy(&actions);
+    close(to[0]);
+    close(from[1]);
+    to_ = to[1];
+    from_ = from[0];
+  }
+
+  /// Ends it; the seconds of each read.
+  std::vector<double> End() {
+    close(to_);
+    std::vector<double> seconds;
+    std::FILE* const lines = fdopen(from_, "r");
+    for (double one = 0; std::fscanf(lines, "%lf", &one) == 1;) seconds.push_back(one);
+    std::fclose(lines);
+    waitpid(process_, nullptr, 0);
+    return seconds;
+  }
+
+ private:
+  pid_t process_ = -1;
+  int to_ = -1, from_ = -1;
+};
 
 // The same bytes by dd, a scan a write, each durable before the next. MB/s.
 double DdRate(const std::string& directory, int scans) {
@@ -182,18 +248,18 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
   const TemporaryDirectory beside;
   const double dd_before = DdRate(beside.path(), scans * options.robots);
 
-  std::atomic<bool> done = false;
-  std::vector<double> reads;
-  std::thread reader([&] { reads = ReadTiles(daemon.listen(), done); });
+  TileReader reader(daemon.listen());
   const auto began = Clock::now();
   std::vector<std::thread> robots;
   for (int i = 0; i < options.robots; ++i) {
-    robots.emplace_back([&, i] { Upload(daemon.listen(), "u" + std::to_string(i), kinds, scans); });
+    robots.emplace_back([&, i] {
+      setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kRobotNice);
+      Upload(daemon.listen(), "u" + std::to_string(i), kinds, scans);
+    });
   }
   for (std::thread& one : robots) one.join();
   const double seconds = SecondsSince(began);
-  done = true;
-  reader.join();
+  std::vector<double> reads = reader.End();
   const double dd_after = DdRate(beside.path(), scans * options.robots);
 
   const double rate = 16.0 * kPoints * scans * options.robots / kMegabyte / seconds, dd = (dd_before + dd_after) / 2;
@@ -201,12 +267,20 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
       "upload: %d robots, %.0f MB of raw scans in %.1f s: %.0f MB/s durable; dd oflag=dsync before %.0f, after %.0f "
       "MB/s: %.0f %%\n",
       options.robots, rate * seconds, seconds, rate, dd_before, dd_after, 100 * rate / dd);
-  std::sort(reads.begin(), reads.end());
-  const auto at = [&](double share) {
-    return 1000 * reads[static_cast<size_t>(share * static_cast<double>(reads.size() - 1))];
-  };
-  std::printf("tiles meanwhile: %zu reads, median %.2f ms, p99 %.2f ms, longest %.2f ms\n", reads.size(), at(0.5),
-              at(0.99), at(1));
+  if (reads.empty()) {
+    std::fprintf(stderr, "no tile was read\n");
+    std::exit(1);
+  }
+  for (const size_t kind : {0, 1}) {
+    std::vector<double> sorted;
+    for (size_t i = kind; i < reads.size(); i += 2) sorted.push_back(reads[i]);
+    std::sort(sorted.begin(), sorted.end());
+    const auto at = [&](double share) {
+      return 1000 * sorted[static_cast<size_t>(share * static_cast<double>(sorted.size() - 1))];
+    };
+    std::printf("%s meanwhile: %zu reads, median %.2f ms, p99 %.2f ms, longest %.2f ms\n",
+                kind == 0 ? "a tile (GetTiles)" : "its blocks (StreamTiles)", sorted.size(), at(0.5), at(0.99), at(1));
+  }
   std::printf("memory afterwards: %.0f MiB\n", ResidentBytes(daemon) / (1 << 20));
 }
 
@@ -221,7 +295,13 @@ int main(int argc, char** argv) {
   app.add_option("--megabytes", options.megabytes, "Raw scans to upload; 0: not measured")->capture_default_str();
   app.add_option("--robots", options.robots, "That upload at a time")->capture_default_str();
   app.add_option("--daemon-flag", options.flags, "Passed on to mapkeepd, a word each");
+  std::string read_tiles;
+  app.add_option("--read-tiles", read_tiles, "HOST:PORT: only read a tile there until standard input ends");
   CLI11_PARSE(app, argc, argv);
+  if (!read_tiles.empty()) {
+    mapkeep::ReadTiles(read_tiles);
+    return 0;
+  }
   rlimit files{};
   getrlimit(RLIMIT_NOFILE, &files);
   files.rlim_cur = files.rlim_max;
