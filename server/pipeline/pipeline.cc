@@ -1,5 +1,6 @@
 #include "server/pipeline/pipeline.h"
 
+#include <malloc.h>
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/task_arena.h>
@@ -83,6 +84,7 @@ struct Pipeline::State {
       bool leased = false;
       const absl::Status status = RunLeased(arena, *job, leased);
       stores.feed.ClearProgress({job->map, job->session});
+      malloc_trim(0);  // a session takes much for a while; what is free goes back, whichever thread took it
       const bool handed_on = job->stop == StopReason::kHandBack || job->stop == StopReason::kMapDeleted;
       if (status.ok() || handed_on || absl::IsNotFound(status)) {
         queue.Done(*job);
