@@ -9,11 +9,14 @@
 namespace mapkeep {
 namespace {
 
+constexpr double kEnoughHits = 8;  // a few voxels that were hit often say nothing about the others
+
 /// One changed voxel on its way into an object.
 struct Member {
   VoxelKey key{};
   ChangeClass change = ChangeClass::kAppeared;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  uint16_t hits = 0;  // as stored
 };
 
 /// Disjoint sets of members.
@@ -53,7 +56,7 @@ std::vector<Member> MembersOf(std::span<const BlockChange> changes, double voxel
   const auto add = [&](const Block& block, ChangeClass change) {
     for (const Voxel& voxel : block.voxels) {
       if (voxel.ground) continue;
-      members.push_back({VoxelKeyOf(block.key, voxel.position), change, MeanOf(block, voxel, voxel_size)});
+      members.push_back({VoxelKeyOf(block.key, voxel.position), change, MeanOf(block, voxel, voxel_size), voxel.hits});
     }
   };
   for (const BlockChange& change : changes) {
@@ -89,7 +92,7 @@ class Finder {
     for (uint32_t i = 0; i < members_.size(); ++i) lists[groups.Of(i)].push_back(i);
     std::vector<std::pair<uint32_t, ChangedObject>> found;
     for (const auto& [leader, list] : lists) {
-      const ChangedObject object = Describe(list);
+      ChangedObject object = Describe(list);
       if (IsObject(object, list)) found.emplace_back(leader, object);
     }
     std::ranges::sort(found, [](const auto& a, const auto& b) {
@@ -125,22 +128,34 @@ class Finder {
       object.centre += members_[i].mean;
     }
     object.centre /= static_cast<double>(list.size());
+    for (const uint32_t i : list) object.hits += std::min<double>(HitsOf(members_[i]), kEnoughHits);
+    object.hits /= static_cast<double>(list.size());
     object.change = static_cast<ChangeClass>(std::ranges::max_element(counts) - counts.begin());
     return object;
   }
 
-  bool IsObject(const ChangedObject& object, const std::vector<uint32_t>& list) const {
+  /// Scans. Of what is unstable: before it was contradicted.
+  double HitsOf(const Member& member) const {
+    const Voxel* then = member.change == ChangeClass::kUnstable ? before_(member.key) : nullptr;
+    return static_cast<double>(then != nullptr ? then->hits : member.hits) / kCountScale;
+  }
+
+  bool IsObject(ChangedObject& object, const std::vector<uint32_t>& list) const {
     const auto count = static_cast<double>(list.size());
     if (count * voxel_size_ * voxel_size_ < parameters_.least_area) return false;
     if (object.box.sizes().z() < parameters_.least_height) return false;
+    if (object.box.sizes().head<2>().maxCoeff() < parameters_.least_length) return false;
+    if (object.hits < parameters_.least_hits) return false;
     size_t touching = 0, in_view = 0;
     for (const uint32_t i : list) {
       const VoxelIndex at = VoxelIndexOf(members_[i].key);
       touching += TouchesWhatStays(at) ? 1 : 0;
       in_view += object.change == ChangeClass::kAppeared && WasInView(at) ? 1 : 0;
     }
-    if (static_cast<double>(touching) > parameters_.most_contact * count) return false;
-    return object.change != ChangeClass::kAppeared || static_cast<double>(in_view) >= parameters_.least_in_view * count;
+    object.contact = static_cast<double>(touching) / count;
+    object.in_view = static_cast<double>(in_view) / count;
+    if (object.contact > parameters_.most_contact) return false;
+    return object.change != ChangeClass::kAppeared || object.in_view >= parameters_.least_in_view;
   }
 
   /// Whether a neighbour is static structure, other than ground, in both states and itself unchanged.

@@ -275,7 +275,7 @@ class Suite {
     return JudgeChanges(day, variant, changes, **map);
   }
 
-  /// Against the true changes of today, and those of yesterday, which the map may follow a session late.
+  /// Against the true changes of today, and those of yesterday: a map may follow a change one session late.
   absl::Status JudgeChanges(int day, const Variant& variant, const std::vector<TrueChange>& changes,
                             const Snapshot& map) {
     const auto before = maps_->Open(NameOf(variant), static_cast<uint64_t>(day));
@@ -295,18 +295,32 @@ class Suite {
       const bool right = std::ranges::any_of(changes, is_it) || std::ranges::any_of(yesterday, is_it);
       ++score.told;
       score.told_right += right ? 1 : 0;
-      if (!right && options_.list) Describe("wrongly told", variant, day, object);
+      if (options_.list) Describe(right ? "rightly told" : "wrongly told", variant, day, object);
     }
+    // What is not told today may be told tomorrow.
+    std::vector<TrueChange>& pending = pending_[variant.name];
+    const auto is_told = [&](const TrueChange& truth) {
+      return std::ranges::any_of(*told, [&](const ChangedObject& object) { return IsSameChange(object, truth); });
+    };
+    for (const TrueChange& truth : pending) {
+      const bool late = is_told(truth);
+      score.required_told += late ? 1 : 0;
+      if (options_.list) DescribeMissed(late ? "told late" : "missed", variant, day, truth);
+    }
+    pending.clear();
     for (const TrueChange& truth : changes) {
       if (!truth.required) continue;
       ++score.required;
-      const bool found =
-          std::ranges::any_of(*told, [&](const ChangedObject& object) { return IsSameChange(object, truth); });
-      score.required_told += found ? 1 : 0;
-      if (!found && options_.list) {
-        std::printf("    missed: %s, day %d: %s %d %s at %.1f %.1f %.1f\n", variant.name, day + 1, truth.kind.c_str(),
-                    truth.id, truth.appeared ? "appeared" : "went", truth.box.center().x(), truth.box.center().y(),
-                    truth.box.center().z());
+      if (is_told(truth)) {
+        ++score.required_told;
+        continue;
+      }
+      pending.push_back(truth);
+      if (options_.list) DescribeMissed("not told today", variant, day, truth);
+    }
+    if (options_.list) {
+      if (absl::Status status = DescribeLeftOut(variant, day, changes, **before, map, blocks); !status.ok()) {
+        return status;
       }
     }
     changes_[variant.name].Add(score);
@@ -314,12 +328,40 @@ class Suite {
     return absl::OkStatus();
   }
 
-  static void Describe(const char* what, const Variant& variant, int day, const ChangedObject& object) {
+  /// What hangs together and was not told, for how it looks: right if it is a true change of today or yesterday.
+  absl::Status DescribeLeftOut(const Variant& variant, int day, const std::vector<TrueChange>& changes,
+                               const Snapshot& before, const Snapshot& map,
+                               const std::vector<BlockChange>& blocks) const {
+    const auto all = ChangedObjectsBetween(before, map, blocks,
+                                           {.most_contact = 1, .least_length = 0, .least_hits = 0, .least_in_view = 0});
+    if (!all.ok()) return all.status();
+    const auto yesterday = yesterdays_.find(variant.name);
+    for (const ChangedObject& object : *all) {
+      const auto is_it = [&](const TrueChange& truth) { return IsSameChange(object, truth); };
+      const bool right = std::ranges::any_of(changes, is_it) ||
+                         (yesterday != yesterdays_.end() && std::ranges::any_of(yesterday->second, is_it));
+      Describe(right ? "candidate, right" : "candidate, wrong", variant, day, object);
+    }
+    return absl::OkStatus();
+  }
+
+  static void DescribeMissed(const char* what, const Variant& variant, int day, const TrueChange& truth) {
+    std::printf("    %s: %s, day %d: %s %d %s at %.1f %.1f %.1f\n", what, variant.name, day + 1, truth.kind.c_str(),
+                truth.id, truth.appeared ? "appeared" : "went", truth.box.center().x(), truth.box.center().y(),
+                truth.box.center().z());
+  }
+
+  void Describe(const char* what, const Variant& variant, int day, const ChangedObject& object) const {
     const Eigen::Vector3d at = object.box.center(), size = object.box.sizes();
     constexpr std::array<const char*, 3> kNames = {"appeared", "disappeared", "unstable"};
-    std::printf("    %s: %s, day %d: %s, %d voxels at %.1f %.1f %.1f, %.1f x %.1f x %.1f m\n", what, variant.name,
-                day + 1, kNames[static_cast<size_t>(object.change)], static_cast<int>(object.voxels), at.x(), at.y(),
-                at.z(), size.x(), size.y(), size.z());
+    const auto [today, yesterday] = truth_.MovingPointsIn(object.box);
+    std::printf(
+        "    %s: %s, day %d: %s, %d voxels at %.1f %.1f %.1f, %.1f x %.1f x %.1f m, hits %.1f, contact %.2f, in view "
+        "%.2f; "
+        "moving points there %d, yesterday %d\n",
+        what, variant.name, day + 1, kNames[static_cast<size_t>(object.change)], static_cast<int>(object.voxels),
+        at.x(), at.y(), at.z(), size.x(), size.y(), size.z(), object.hits, object.contact, object.in_view,
+        static_cast<int>(today), static_cast<int>(yesterday));
   }
 
   /// Whether the decay rule reached what was asked for, on every day.
@@ -360,6 +402,7 @@ class Suite {
   std::map<std::string, std::vector<DayScore>> scores_;
   std::map<std::string, ChangeScore> changes_;
   std::map<std::string, std::vector<TrueChange>> yesterdays_;
+  std::map<std::string, std::vector<TrueChange>> pending_;  // required, and not told yet
 };
 
 int Main(int count, char** arguments) {

@@ -11,6 +11,8 @@ namespace {
 constexpr double kCell = 0.05;          // metres
 constexpr int kRadiusCells = 2;         // 10 cm
 constexpr size_t kRequiredCells = 400;  // 5 cm cells of an object seen by a session that has to be told: a square metre
+constexpr size_t kRequiredBeams = 400;  // of a session through the place of something that has to be told
+constexpr size_t kBeamStep = 4;         // beams that one which is kept stands for
 constexpr int kGrace = 1;               // a change of today is followed today or tomorrow
 
 uint64_t Pack(int64_t x, int64_t y, int64_t z) {
@@ -62,10 +64,27 @@ bool PointCells::HasNear(const Eigen::Vector3d& point) const {
   return false;
 }
 
+bool LifelongTruth::IsLookedAt(const Eigen::AlignedBox3d& box, const std::vector<Beam>& beams) {
+  const Eigen::Array3f low = box.min().cast<float>(), high = box.max().cast<float>();
+  size_t count = 0;
+  for (const Beam& beam : beams) {
+    // Where the beam, 0 at the sensor and 1 at its end, is between the two planes of each axis.
+    const Eigen::Array3f way = (beam.to - beam.from).array();
+    const Eigen::Array3f a = (low - beam.from.array()) / way, b = (high - beam.from.array()) / way;
+    const float enters = a.min(b).maxCoeff(), leaves = a.max(b).minCoeff();
+    count += enters <= leaves && leaves > 0 && enters < 1;
+    if (count * kBeamStep >= kRequiredBeams) return true;
+  }
+  return false;
+}
+
 std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, std::span<const LabelledScan> scans) {
   ++day_;
   stands_ = {};
   static_points_.clear();
+  beams_yesterday_ = std::move(beams_);
+  beams_.clear();
+  moved_yesterday_ = std::move(moving_points_);
   moving_points_.clear();
   std::map<uint32_t, const SceneObject*> objects;
   for (const SceneObject& object : session.objects) objects[object.id & 0xffff] = &object;
@@ -78,6 +97,7 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       const uint32_t label = scans[i].labels[k], id = ObjectOfLabel(label);
       const Eigen::Vector3d point = session.truth[i] * scans[i].scan.points[k].cast<double>();
       const uint64_t cell = PointCells::CellOf(point);
+      if (k % kBeamStep == 0) beams_.push_back({session.truth[i].translation().cast<float>(), point.cast<float>()});
       if (ClassOfLabel(label) == kMovingLabel) {
         if (moving_taken.insert(cell).second) moving_points_.push_back({point.cast<float>(), id});
         continue;
@@ -103,23 +123,25 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       const auto before = known_.find(PlaceOf(object.id, from));
       const bool known = before != known_.end();
       if (known && !before->second.gone.has_value()) before->second.gone = day_;
-      changes.push_back(
-          {.id = object.id,
-           .kind = std::string(NameOf(object.kind)),
-           .appeared = false,
-           .required = known && before->second.last_day == day_ - 1 && before->second.points.size() >= kRequiredCells,
-           .parked_days = known ? before->second.last_day - before->second.first_day + 1 : 0,
-           .box = BoxOf(session, object, from)});
+      changes.push_back({.id = object.id,
+                         .kind = std::string(NameOf(object.kind)),
+                         .appeared = false,
+                         .required = known && before->second.last_day == day_ - 1 &&
+                                     before->second.points.size() >= kRequiredCells &&
+                                     IsLookedAt(BoxOf(session, object, from), beams_),
+                         .parked_days = known ? before->second.last_day - before->second.first_day + 1 : 0,
+                         .box = BoxOf(session, object, from)});
     };
     switch (object.state) {
       case ObjectState::kArrived:
       case ObjectState::kBuilt:
       case ObjectState::kMoved:
-        changes.push_back({.id = object.id,
-                           .kind = std::string(NameOf(object.kind)),
-                           .appeared = true,
-                           .required = seen_cells >= kRequiredCells,
-                           .box = BoxOf(session, object, pose)});
+        changes.push_back(
+            {.id = object.id,
+             .kind = std::string(NameOf(object.kind)),
+             .appeared = true,
+             .required = seen_cells >= kRequiredCells && IsLookedAt(BoxOf(session, object, pose), beams_yesterday_),
+             .box = BoxOf(session, object, pose)});
         if (object.previous.has_value()) went(*object.previous);
         break;
       case ObjectState::kLeft:
@@ -149,6 +171,14 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
     }
   }
   return changes;
+}
+
+std::array<uint64_t, 2> LifelongTruth::MovingPointsIn(const Eigen::AlignedBox3d& box) const {
+  const auto count = [&box](const std::vector<Point>& points) {
+    return static_cast<uint64_t>(
+        std::ranges::count_if(points, [&](const Point& p) { return box.contains(p.position.cast<double>()); }));
+  };
+  return {count(moving_points_), count(moved_yesterday_)};
 }
 
 DayScore LifelongTruth::Score(const PointCells& map, const std::function<void(const JudgedPoint&)>& judged) const {

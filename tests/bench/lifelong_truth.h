@@ -4,6 +4,7 @@
 #include <absl/container/flat_hash_set.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -35,7 +36,7 @@ struct TrueChange {
   uint32_t id = 0;
   std::string kind;
   bool appeared = false;  ///< else it went
-  bool required = false;  ///< it was seen well enough to have to be told
+  bool required = false;  ///< it was seen well enough, before and after, to have to be told
   int parked_days = 0;    ///< sessions that something that went had been there
   Eigen::AlignedBox3d box;
 };
@@ -75,6 +76,9 @@ class LifelongTruth {
   /// The next session, with the labelled points of its scans. Gives what changed since the one before.
   std::vector<TrueChange> AddDay(const SimulatedSession& session, std::span<const LabelledScan> scans);
 
+  /// How many of today's and of yesterday's moving points lie in a box: of whatever moved there.
+  std::array<uint64_t, 2> MovingPointsIn(const Eigen::AlignedBox3d& box) const;
+
   /// Scores the static points of a map after the last session that was added. `judged`, if given, sees every point that
   /// counts for SA or DA.
   DayScore Score(const PointCells& map, const std::function<void(const JudgedPoint&)>& judged = {}) const;
@@ -93,10 +97,19 @@ class LifelongTruth {
     uint32_t id = 0;
   };
 
+  /// A beam of a scan, from the sensor to what it hit.
+  struct Beam {
+    Eigen::Vector3f from, to;
+  };
+  /// Whether beams enough pass through a box, or end in it, that whoever looks can say what is there.
+  static bool IsLookedAt(const Eigen::AlignedBox3d& box, const std::vector<Beam>& beams);
+
   int day_ = -1;
-  PointCells stands_;                 ///< today's static points, all scans
-  std::vector<Point> static_points_;  ///< thinned
+  std::vector<Beam> beams_, beams_yesterday_;  ///< one of kBeamStep
+  PointCells stands_;                          ///< today's static points, all scans
+  std::vector<Point> static_points_;           ///< thinned
   std::vector<Point> moving_points_;
+  std::vector<Point> moved_yesterday_;
   absl::flat_hash_map<uint64_t, Known> known_;  ///< by id and place: what can leave
 };
 

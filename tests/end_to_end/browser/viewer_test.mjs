@@ -240,6 +240,34 @@ test('a session that commits shows up without a reload', async () => {
   await sessions.context().close();
 });
 
+test('any two epochs can be compared, and the address says which', async () => {
+  const page = await open('#/yard/changes?from=1');
+  await settled(page, 3);
+  const counts = async (before, after) => {
+    await page.getByRole('heading', { name: `From epoch ${before} to ${after}` }).waitFor();
+    const told = await daemon.json(['map', 'diff', 'yard', before, after]);
+    const expected = ['appeared', 'disappeared', 'unstable'].map((name) => Number(told[name]));
+    const shown = async () =>
+      (await page.locator('.kinds b').allTextContents()).map((text) => Number(text.replaceAll(',', '')));
+    await until(async () => !(await shown()).some(Number.isNaN), 'the counts');
+    assert.deepEqual(await shown(), expected);
+    return expected;
+  };
+  const whole = await counts(1, 3);
+  const before = page.getByRole('slider', { name: 'Before' });
+  await before.focus();
+  await before.press('End');
+  assert.match(page.url(), /from=2/);
+  const last = await counts(2, 3);
+  assert.notDeepEqual(whole, last);
+  // What later sessions contradicted, but did not take away yet.
+  assert.ok(whole[2] + last[2] > 0, 'something became unstable');
+  await page.getByRole('button', { name: /^1 → 2/ }).click();
+  await counts(1, 2);
+  assert.deepEqual(page.wrong, []);
+  await page.context().close();
+});
+
 test('the page of sessions tells what was found, and why one was refused', async () => {
   const [stranger] = await simulate(path.join(directory, 'elsewhere'), { scans: 12, seed: 99 });
   // The same coordinates, another street: it fits nowhere.

@@ -12,9 +12,11 @@ constexpr double kVoxelSize = 0.2;
 /// A state of a map, voxel by voxel.
 class State {
  public:
+  int scans = 10;  ///< that hit a voxel which is added
+
   void Add(const VoxelIndex& at, bool ground = false, int exposures = 0) {
     voxels_[VoxelKeyOf(at)] = {.position = PositionInBlock(at),
-                               .hits = kCountScale * 10,
+                               .hits = static_cast<uint16_t>(kCountScale * scans),
                                .exposures = static_cast<uint16_t>(kCountScale * exposures),
                                .ground = ground,
                                .is_static = true,
@@ -121,6 +123,42 @@ TEST(ChangedObjects, ACarThatIsHalfGoneIsOneObject) {
   const auto objects = Compare(before, after);
   ASSERT_EQ(objects.size(), 1U);
   EXPECT_NEAR(objects[0].box.sizes().z(), 1.4, 1e-9);
+}
+
+TEST(ChangedObjects, WhatDrovePastAndWasHitOnceInEachPlaceIsNoObject) {
+  State before, after;
+  before.AddGround(60);
+  after = before;
+  after.scans = 1;
+  after.AddBox({5, 5, 1}, {40, 9, 7});
+  EXPECT_TRUE(Compare(before, after).empty());
+  EXPECT_TRUE(Compare(after, before).empty());
+  after.scans = 3;
+  after.AddBox({5, 5, 1}, {40, 9, 7});
+  EXPECT_EQ(Compare(before, after).size(), 1U);
+}
+
+TEST(ChangedObjects, WhatIsNoLongerThanAGroupOfPeopleIsNoObject) {
+  State before, after;
+  before.AddGround(60);
+  after = before;
+  after.AddBox({5, 5, 1}, {5, 6, 9});
+  EXPECT_TRUE(Compare(before, after).empty());
+  after.AddBox({25, 25, 1}, {5, 8, 9});
+  EXPECT_EQ(Compare(before, after).size(), 1U);
+}
+
+TEST(ChangedObjects, WhatSessionsContradictedCountsWithTheHitsThatItHadBefore) {
+  State before, after;
+  before.AddGround(60);
+  after = before;
+  before.AddBox({5, 5, 1}, {20, 9, 7});
+  after.scans = 1;
+  after.AddBox({5, 5, 1}, {20, 9, 7}, 1);
+  const auto objects = Compare(before, after);
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_EQ(objects[0].change, ChangeClass::kUnstable);
+  EXPECT_EQ(objects[0].hits, 8);
 }
 
 TEST(ChangedObjects, SpecksAndFlatPatchesAreNoObjects) {
