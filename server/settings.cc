@@ -421,6 +421,10 @@ std::vector<Setting> MakeSettings() {
       Number("merge.gamma", MAPKEEP_FIELD(stages.merge.gamma), 0, 100, "gamma of eq. 8: how fast evidence decays"),
       Number("merge.alpha_min", MAPKEEP_FIELD(stages.merge.alpha_min), 0, 1, "alpha_min of eq. 8"),
       Number("merge.alpha_max", MAPKEEP_FIELD(stages.merge.alpha_max), 0, 1, "alpha_max of eq. 8"),
+      IntegerIn<int>(
+          "merge.contradicting_scans", MAPKEEP_FIELD(stages.merge.contradicting_scans), 0, 1000000,
+          "Scans that look through a voxel of which none has a point, from which on alpha is alpha_min; 0: eq. 8 "
+          "alone"),
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,

@@ -13,14 +13,14 @@ namespace mapkeep {
 
 /// When changed voxels are an object, and when only a better look at something known.
 struct ChangedObjectParameters {
-  double gap = 0.4;            ///< metres between voxels that still belong together (the larger of this and one voxel)
-  double least_area = 1.2;     ///< square metres of surface: changed voxels times their edge squared
-  double least_height = 0.4;   ///< metres between the lowest and the highest voxel
-  double most_contact = 0.35;  ///< share of voxels that touch what is static in both states, beyond which it is that
-                               ///< structure seen better, or less well
-  double column_height = 4;    ///< metres below a voxel within which known ground says that its place was in view
-  double least_length = 1.4;   ///< metres, the longer side seen from above: what is shorter are people who hardly moved
-  double least_hits = 2;       ///< scans, mean over the voxels: what drove past far away was hit once in each place
+  double gap = 0.4;           ///< metres between voxels that still belong together (the larger of this and one voxel)
+  double least_area = 1.2;    ///< square metres of surface: changed voxels times their edge squared
+  double least_height = 0.4;  ///< metres between the lowest and the highest voxel
+  double most_contact = 0.4;  ///< share of voxels that touch what is static in both states, beyond which it is that
+                              ///< structure seen better, or less well
+  double column_height = 4;   ///< metres below a voxel within which known ground says that its place was in view
+  double least_length = 1.4;  ///< metres, the longer side seen from above: what is shorter are people who hardly moved
+  double least_hits = 2;      ///< scans, mean over the voxels: what drove past far away was hit once in each place
   double least_in_view = 0.25;  ///< share of voxels whose place was in view before, for an object to have appeared
 };
 

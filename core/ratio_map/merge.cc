@@ -85,13 +85,21 @@ void MergeFields(Voxel& voxel, double weight, const SessionVoxel& session, doubl
   voxel.last_seen = std::max(voxel.last_seen, start_minutes);
 }
 
+// Whether the session looked through the voxel and found nothing there. What removal took was there.
+bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters) {
+  return parameters.contradicting_scans > 0 && session.hits == 0 && !session.was_removed &&
+         session.exposures >= static_cast<uint32_t>(parameters.contradicting_scans);
+}
+
 // The voxel after eq. 9, or nothing if it is dropped.
 std::optional<Voxel> MergeVoxel(const Voxel& old, const SessionVoxel& session, const SessionMap& of,
                                 const MergeParameters& parameters) {
   const double hits = double{kCountScale} * session.hits;
   const double exposures = double{kCountScale} * session.exposures;
   if (hits + exposures == 0) return old;
-  const double alpha = DecayFactor((hits + exposures) / kCountScale, of.n_max, parameters);
+  const double alpha = IsContradicted(session, parameters)
+                           ? parameters.alpha_min
+                           : DecayFactor((hits + exposures) / kCountScale, of.n_max, parameters);
   const double weight = alpha * old.hits;
   Voxel merged = old;
   SetCounts(merged, weight + hits, alpha * old.exposures + exposures);

@@ -136,8 +136,8 @@ uint8_t MeanByte(uint32_t sum, uint32_t scans) {
   return static_cast<uint8_t>(uint64_t{sum} / scans / (kFractionScale / 256));
 }
 
-SessionVoxel VoxelOf(VoxelKey key, const Sums& sums, uint32_t exposures) {
-  SessionVoxel voxel{.key = key, .hits = sums.hits, .exposures = exposures};
+SessionVoxel VoxelOf(VoxelKey key, const Sums& sums, uint32_t hits, uint32_t exposures) {
+  SessionVoxel voxel{.key = key, .hits = sums.hits, .exposures = exposures, .was_removed = hits > 0 && sums.hits == 0};
   if (sums.hits == 0) return voxel;
   voxel.ground = 2 * uint64_t{sums.ground} > sums.hits;
   for (int axis = 0; axis < 3; ++axis) voxel.mean[axis] = MeanByte(sums.mean[axis], sums.hits);
@@ -202,7 +202,7 @@ absl::StatusOr<SessionMap> BuildSessionMap(const ScanSource& scans, std::span<co
   for (size_t i = 0; i < sums->size(); ++i) {
     const Sums& sum = (*sums)[i];
     if (sum.hits == 0 && evidence.exposures[i] == 0) continue;
-    map.voxels.push_back(VoxelOf(evidence.keys[i], sum, evidence.exposures[i]));
+    map.voxels.push_back(VoxelOf(evidence.keys[i], sum, evidence.hits[i], evidence.exposures[i]));
     if (sum.hits == 0) continue;
     surfels.push_back(SurfelOf(evidence.keys[i], sum));
     evidence_of_hit.push_back(sum.hits + evidence.exposures[i]);

@@ -20,8 +20,9 @@ namespace mapkeep {
 /// One voxel of a session's ratio map V_S (paper section 3.4). With hits == 0 only the exposures mean something.
 struct SessionVoxel {
   VoxelKey key{};
-  uint32_t hits = 0;       ///< H_S: scans with a kept point in the voxel
-  uint32_t exposures = 0;  ///< E_S: scans that looked through it, also where all its points were removed
+  uint32_t hits = 0;         ///< H_S: scans with a kept point in the voxel
+  uint32_t exposures = 0;    ///< E_S: scans that looked through it, also where all its points were removed
+  bool was_removed = false;  ///< had points, and removal took all of them
   bool ground = false;
   std::array<uint8_t, 3> mean{};    ///< of the kept points, as Voxel::mean
   std::array<uint8_t, 2> normal{};  ///< as Voxel::normal, oriented towards the sensor positions

@@ -417,6 +417,8 @@ int Main(int count, char** arguments) {
   app.add_option("--change", options.street.change_rate, "Share of the parked cars that change from day to day")
       ->capture_default_str();
   app.add_option("--gamma", options.stages.merge.gamma, "Of eq. 8")->capture_default_str();
+  app.add_option("--contradicting", options.stages.merge.contradicting_scans, "Scans; 0: eq. 8 alone")
+      ->capture_default_str();
   app.add_option("--cache", options.cache, "Directory that keeps the scans");
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");
   app.add_flag("--only-decay", options.only_decay, "Eq. 8 alone");

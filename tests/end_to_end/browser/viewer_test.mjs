@@ -300,7 +300,7 @@ test('a phone shows and controls it all', async () => {
   const layers = page.getByRole('button', { name: 'Layers' });
   await layers.tap();
   await page.getByText('Age', { exact: true }).tap();
-  assert.match(page.url(), /colour=age/);
+  await page.waitForURL(/colour=age/);
   await layers.tap();
   for (const tab of ['Changes', 'Sessions', 'Map']) {
     await page.getByRole('link', { name: tab, exact: true }).tap();
@@ -311,7 +311,11 @@ test('a phone shows and controls it all', async () => {
     const box = await button.boundingBox();
     assert.ok(box.width >= 40 && box.height >= 40, 'too small for a finger');
   }
+  // A tap becomes a click some time after it was made.
+  await settled(page);
+  const aslant = await pictureOf(page);
   await page.getByRole('button', { name: 'From above' }).tap();
+  await until(async () => differing(await pictureOf(page), aslant) > 500, 'the view from above');
   await settled(page);
   await pointAt(page, 0.5, isBackground, true);
   const card = page.getByRole('region', { name: 'Voxel' });

@@ -79,6 +79,18 @@ TEST(Merge, OneContrarySessionOfEqualWeightHidesAVoxel) {
   EXPECT_LT(Stability(merged.hits, merged.exposures, 0), 0.35);
 }
 
+TEST(Merge, AFewScansThroughWhatIsNotThereAnyMoreForgetAsMuchAsMany) {
+  // Hit in 40 scans over the days, now looked through in three of the 60 that count elsewhere.
+  const Voxel old{.hits = 320, .exposures = 8};
+  const Voxel merged = OnlyVoxel(old, {.exposures = 3}, 60);
+  EXPECT_EQ(merged.hits, 32);
+  EXPECT_EQ(merged.exposures, 24 + 1);
+  // Two may be chance; what removal took was there; and eq. 8 alone keeps nearly all.
+  EXPECT_GT(OnlyVoxel(old, {.exposures = 2}, 60).hits, 270);
+  EXPECT_GT(OnlyVoxel(old, {.exposures = 3, .was_removed = true}, 60).hits, 250);
+  EXPECT_GT(OnlyVoxel(old, {.exposures = 3}, 60, {.contradicting_scans = 0}).hits, 250);
+}
+
 TEST(Merge, AVoxelBelowAQuarterScanIsDropped) {
   // alpha = 0.1: 24 eighths become 2.4 -> 2 = 1/4 scan and stay; 14 become 1.4 -> 1 and go.
   EXPECT_EQ(MergedVoxels({.hits = 24}, {.exposures = 20}, 20).size(), 1U);

@@ -102,7 +102,8 @@ TEST(SessionMap, RemovedPointsAddNoHitButTheExposuresOfTheirVoxelCount) {
   session.AddScan({5, 5, 1}, {wall});
   const auto map = session.Build(session.EvidenceWith({{KeyAt(0.1, 0.1, 0.1), 1}}));
   ASSERT_TRUE(map.ok()) << map.status();
-  EXPECT_EQ(At(*map, KeyAt(0.1, 0.1, 0.1)), (SessionVoxel{.key = KeyAt(0.1, 0.1, 0.1), .hits = 0, .exposures = 1}));
+  EXPECT_EQ(At(*map, KeyAt(0.1, 0.1, 0.1)),
+            (SessionVoxel{.key = KeyAt(0.1, 0.1, 0.1), .hits = 0, .exposures = 1, .was_removed = true}));
   EXPECT_EQ(At(*map, KeyAt(3.1, 0.1, 0.1)).hits, 2U);
 }
 
