@@ -221,11 +221,15 @@ TEST_P(EngineTest, ACheckpointIsTheStateOfItsMoment) {
     return;
   }
   EXPECT_DONE(Put("p", "a", "1"));
+  const std::vector<ImmutableValue> large = {{"l", std::string(4 << 20, 'l')}};
+  EXPECT_DONE(engine_->PutLargeValues("g", large));
   const std::string copy = engine_.root() + "/copy";
   ASSERT_DONE(engine_->Checkpoint(copy));
   EXPECT_DONE(Put("p", "a", "2"));
+  EXPECT_DONE(engine_->DeleteValues("g", std::vector<std::string>{"l"}));
   const auto opened = GetParam().open(copy);
   ASSERT_DONE(opened);
+  EXPECT_EQ(*(*opened)->GetValue("g", "l"), large[0].value);
   EXPECT_EQ(**(*opened)->Get("p", "a"), "1");
   EXPECT_FALSE(engine_->Checkpoint(copy).ok()) << "a checkpoint never goes over an older one";
 }

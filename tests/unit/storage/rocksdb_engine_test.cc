@@ -21,12 +21,14 @@ class FullDiskEnv final : public rocksdb::EnvWrapper {
   FullDiskEnv() : EnvWrapper(rocksdb::Env::Default()) {}
 
   std::atomic<bool> full = false;
+  std::atomic<bool> full_for_large_values = false;
 
   rocksdb::Status NewWritableFile(const std::string& name, std::unique_ptr<rocksdb::WritableFile>* file,
                                   const rocksdb::EnvOptions& options) override {
     std::unique_ptr<rocksdb::WritableFile> opened;
     const rocksdb::Status status = EnvWrapper::NewWritableFile(name, &opened, options);
-    if (status.ok()) *file = std::make_unique<File>(std::move(opened), full);
+    const bool is_large = name.find("/arriving/") != std::string::npos;
+    if (status.ok()) *file = std::make_unique<File>(std::move(opened), is_large ? full_for_large_values : full);
     return status;
   }
 
@@ -100,6 +102,75 @@ TEST(RocksDbEngine, AMapIsReadOnAFullDiskAndCommittedToOnceThereIsSpace) {
     ExpectCounted(*maps, {0, 1});
     EXPECT_THAT(maps->Verify("m")->problems, testing::IsEmpty());
   }
+}
+
+uint64_t BytesOfTables(const std::string& directory) {
+  uint64_t bytes = 0;
+  for (const auto& file : std::filesystem::directory_iterator(directory)) {
+    if (file.path().extension() == ".sst") bytes += file.file_size();
+  }
+  return bytes;
+}
+
+TEST(RocksDbEngine, LargeValuesThatFindNoSpaceLeaveNothingBehindAndAreWrittenOnceThereIsSome) {
+  FullDiskEnv disk;
+  const TemporaryDirectory directory;
+  const std::vector<ImmutableValue> values = {{"v", std::string(4 << 20, 'v')}};
+  {
+    const auto engine = OpenRocksDbEngine(directory.path(), {.env = &disk});
+    ASSERT_DONE(engine);
+    disk.full_for_large_values = true;
+    EXPECT_CODE((*engine)->PutLargeValues("g", values), kResourceExhausted);
+    EXPECT_TRUE(std::filesystem::is_empty(directory.path() + "/arriving"));
+    EXPECT_CODE((*engine)->GetValue("g", "v"), kNotFound);
+    EXPECT_DONE(Put(**engine, "a", "1")) << "what there is space for is written";
+    disk.full_for_large_values = false;
+    ASSERT_DONE((*engine)->PutLargeValues("g", values));
+    EXPECT_EQ(*(*engine)->GetValue("g", "v"), values[0].value);
+  }
+  // What a process that was killed was writing goes when the store is opened.
+  std::ofstream(directory.path() + "/arriving/7") << "half a table";
+  const auto engine = OpenRocksDbEngine(directory.path());
+  ASSERT_DONE(engine);
+  EXPECT_TRUE(std::filesystem::is_empty(directory.path() + "/arriving"));
+  EXPECT_EQ(*(*engine)->GetValue("g", "v"), values[0].value);
+}
+
+TEST(RocksDbEngine, TheSpaceOfLargeValuesIsGivenBackWhenTheyGo) {
+  const TemporaryDirectory directory;
+  const auto engine = OpenRocksDbEngine(directory.path());
+  ASSERT_DONE(engine);
+  for (const char* group : {"g", "h"}) {
+    for (const char* key : {"a", "b", "c"}) {
+      ASSERT_DONE((*engine)->PutLargeValues(group, std::vector<ImmutableValue>{{key, std::string(2 << 20, *key)}}));
+    }
+  }
+  ASSERT_GT(BytesOfTables(directory.path()), 12U << 20);
+  ASSERT_DONE((*engine)->DeleteValues("g", std::vector<std::string>{"a", "b", "c"}));
+  EXPECT_LT(BytesOfTables(directory.path()), 7U << 20);
+  EXPECT_EQ((*engine)->GetValue("h", "b")->size(), 2U << 20);
+}
+
+TEST(RocksDbEngine, ADamagedLargeValueIsDataLossAndTheOthersAreRead) {
+  const TemporaryDirectory directory;
+  const std::string copy = directory.path() + "/copy";
+  const std::vector<ImmutableValue> values = {{"a", std::string(1 << 20, 'a')}, {"b", std::string(1 << 20, 'b')}};
+  {
+    const auto engine = OpenRocksDbEngine(directory.path() + "/db");
+    ASSERT_DONE(engine);
+    ASSERT_DONE((*engine)->PutLargeValues("g", values));
+    ASSERT_DONE((*engine)->Checkpoint(copy));
+  }
+  for (const auto& file : std::filesystem::directory_iterator(copy)) {
+    if (file.path().extension() != ".sst" || file.file_size() < (2U << 20)) continue;
+    std::fstream bytes(file.path(), std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekp((1 << 20) + (1 << 19));
+    bytes.put('x');
+  }
+  const auto engine = OpenRocksDbEngine(copy);
+  ASSERT_DONE(engine);
+  EXPECT_EQ(*(*engine)->GetValue("g", "a"), values[0].value);
+  EXPECT_CODE((*engine)->GetValue("g", "b"), kDataLoss);
 }
 
 TEST(RocksDbEngine, ADamagedFileIsDataLoss) {
