@@ -174,7 +174,10 @@ absl::Status WriteResults(const SessionDirectory& directory, const Scans& scans,
     }
     {
       const Stopwatch watch(&report->label_seconds);
-      tbb::parallel_for(size_t{0}, size, [&](size_t i) { labels[i] = removal.Label(first + i, batch[i]->scan); });
+      std::vector<LabelCounts> counts(size);
+      tbb::parallel_for(size_t{0}, size,
+                        [&](size_t i) { labels[i] = removal.Label(first + i, batch[i]->scan, &counts[i]); });
+      for (const LabelCounts& of_scan : counts) report->points_restored += of_scan.restored;
     }
     const Stopwatch watch(&report->write_seconds);
     for (size_t i = 0; i < size; ++i) {
@@ -235,7 +238,6 @@ absl::StatusOr<CleaningReport> CleanSession(const SessionDirectory& directory, c
                                    [&](double fraction) { return progress("remove", fraction); });
     if (!removal.ok()) return removal.status();
   }
-  report.points_restored = removal->report().restored_points;
   report.voxels = removal->report().voxels;
   report.dynamic_voxels = removal->report().dynamic_voxels;
   report.ground_voxels = removal->report().ground_voxels;

@@ -1,6 +1,8 @@
 #include "core/dor/clusters.h"
 
 #include <absl/container/flat_hash_map.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -43,6 +45,15 @@ class NeighbourGrid {
   // Calls visit(index, squared distance) for every point within epsilon of point `of`, itself included.
   template <typename Visit>
   void ForEachNeighbour(uint32_t of, const Visit& visit) const {
+    AnyNeighbour(of, [&](uint32_t index, double squared) {
+      visit(index, squared);
+      return false;
+    });
+  }
+
+  // The same, until a visit gives true; whether one did.
+  template <typename Visit>
+  bool AnyNeighbour(uint32_t of, const Visit& visit) const {
     const Eigen::Vector3d own = CellOf(points_[of]);
     const auto x = static_cast<int64_t>(own.x()), y = static_cast<int64_t>(own.y()), z = static_cast<int64_t>(own.z());
     for (int i = 0; i < 27; ++i) {
@@ -50,9 +61,10 @@ class NeighbourGrid {
       if (found == cells_.end()) continue;
       for (uint32_t at = found->second.first; at < found->second.second; ++at) {
         const double squared = (points_[order_[at]] - points_[of]).squaredNorm();
-        if (squared <= epsilon_ * epsilon_) visit(order_[at], squared);
+        if (squared <= epsilon_ * epsilon_ && visit(order_[at], squared)) return true;
       }
     }
+    return false;
   }
 
  private:
@@ -90,11 +102,12 @@ Clusters ClusterPoints(std::span<const Eigen::Vector3d> points, double epsilon, 
   const NeighbourGrid grid(points, epsilon);
   const auto count = static_cast<uint32_t>(points.size());
   std::vector<char> core(count);
-  for (uint32_t i = 0; i < count; ++i) {
-    int neighbours = 0;
-    grid.ForEachNeighbour(i, [&](uint32_t, double) { ++neighbours; });
-    core[i] = neighbours >= min_neighbours;
-  }
+  tbb::parallel_for(tbb::blocked_range<uint32_t>(0, count, 256), [&](const auto& range) {
+    for (uint32_t i = range.begin(); i != range.end(); ++i) {
+      int neighbours = 0;
+      core[i] = grid.AnyNeighbour(i, [&](uint32_t, double) { return ++neighbours >= min_neighbours; });
+    }
+  });
 
   DisjointSets sets(count);
   std::vector<int64_t> nearest_core(count, kNoise);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "core/dor/near_voxels.h"
@@ -72,7 +73,7 @@ class Departures {
         hidden.push_back(id);
       }
     }
-    MarkHidden(std::move(hidden), departed);
+    MarkHidden(hidden, departed);
   }
 
  private:
@@ -162,31 +163,35 @@ class Departures {
 
   // What may have left but was not looked through since: the far side of a car, and the hedge behind it. It left if
   // enough around it did, from the outside inwards.
-  void MarkHidden(std::vector<uint32_t> hidden, std::vector<char>& departed) const {
-    std::vector<char> gone = free_since_;
-    for (int round = 0; round < kRounds && !hidden.empty(); ++round) {
-      std::vector<char> leaves(hidden.size());
-      tbb::parallel_for(tbb::blocked_range<size_t>(0, hidden.size(), 256), [&](const auto& range) {
-        for (size_t i = range.begin(); i != range.end(); ++i) {
-          int all = 0, gone_around = 0;
-          ForEachNear(hidden[i], [&](uint32_t other) {
-            if (!candidates_[other]) return;
-            ++all;
-            gone_around += gone[other];
-          });
-          leaves[i] = gone_around >= kMinGone * all;
-        }
-      });
-      std::vector<uint32_t> rest;
-      for (size_t i = 0; i < hidden.size(); ++i) {
-        if (leaves[i]) {
-          departed[hidden[i]] = gone[hidden[i]] = 1;
-        } else {
-          rest.push_back(hidden[i]);
-        }
+  void MarkHidden(const std::vector<uint32_t>& hidden, std::vector<char>& departed) const {
+    std::vector<int32_t> missing(indices_.size());  // of hidden ones: voxels around that must leave before it does
+    std::vector<char> waits(indices_.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, hidden.size(), 256), [&](const auto& range) {
+      for (size_t i = range.begin(); i != range.end(); ++i) {
+        int all = 0, gone = 0;
+        ForEachNear(hidden[i], [&](uint32_t other) {
+          if (!candidates_[other]) return;
+          ++all;
+          gone += free_since_[other];
+        });
+        missing[hidden[i]] = static_cast<int32_t>(std::ceil(kMinGone * all)) - gone;
+        waits[hidden[i]] = 1;
       }
-      if (rest.size() == hidden.size()) return;
-      hidden = std::move(rest);
+    });
+    std::vector<uint32_t> leaving;
+    std::ranges::copy_if(hidden, std::back_inserter(leaving), [&](uint32_t id) { return missing[id] <= 0; });
+    for (int round = 0; round < kRounds && !leaving.empty(); ++round) {
+      for (const uint32_t id : leaving) {
+        departed[id] = 1;
+        waits[id] = 0;
+      }
+      std::vector<uint32_t> next;
+      for (const uint32_t id : leaving) {
+        ForEachNear(id, [&](uint32_t other) {
+          if (waits[other] && --missing[other] == 0) next.push_back(other);
+        });
+      }
+      leaving = std::move(next);
     }
   }
 

@@ -1,6 +1,7 @@
 #include "core/dor/ground.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -58,7 +59,7 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
         const auto found = of_cell.find(Cell{cell.first + dx, cell.second + dy});
         if (found == of_cell.end()) continue;
         for (uint32_t i = found->second.first; i < found->second.second; ++i) {
-          visit(i, parameters.cell * std::hypot(dx, dy));
+          visit(i, dx * dx + dy * dy);
         }
       }
     }
@@ -70,7 +71,7 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
   for (const Eigen::Vector3d& sensor : sensors) way.try_emplace(CellOf(sensor), sensor.z());
   std::vector<int64_t> votes(static_cast<size_t>(kMaxSensorHeight / kSensorHeightBin) + 1);
   for (const auto& passed : way) {
-    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, double) {
+    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, int) {
       const double below = passed.second - levels[i].height;
       if (below > 0 && below < kMaxSensorHeight) ++votes[static_cast<size_t>(below / kSensorHeightBin)];
     });
@@ -86,21 +87,25 @@ Ground::Ground(std::span<const Eigen::Vector3d> anchors, std::span<const Eigen::
     open.push_back(i);
   };
   for (const auto& passed : way) {
-    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, double) {
+    for_each_level_around(passed.first, seed_radius, [&](uint32_t i, int) {
       if (std::abs(passed.second - levels[i].height - sensor_height_) < parameters.step) accept(i);
     });
+  }
+  std::array<double, 2 * kReach * kReach + 1> steps{};  // by squared distance in cells: how far ground may rise
+  for (size_t squared = 0; squared < steps.size(); ++squared) {
+    steps[squared] = std::max(parameters.step, kMaxGrade * parameters.cell * std::sqrt(static_cast<double>(squared)));
   }
   while (!open.empty()) {
     const Level from = levels[open.back()];
     open.pop_back();
-    for_each_level_around(from.cell, kReach, [&](uint32_t i, double distance) {
-      if (std::abs(levels[i].height - from.height) < std::max(parameters.step, kMaxGrade * distance)) accept(i);
+    for_each_level_around(from.cell, kReach, [&](uint32_t i, int squared) {
+      if (std::abs(levels[i].height - from.height) < steps[squared]) accept(i);
     });
   }
   // Bonnets and roofs of cars can be climbed in steps as well, but there is ground beside them.
   for (const Level& level : levels) {
     bool on_ground = false;
-    for_each_level_around(level.cell, kReach, [&](uint32_t i, double) {
+    for_each_level_around(level.cell, kReach, [&](uint32_t i, int) {
       const double above = level.height - levels[i].height;
       on_ground |= levels[i].ground && above > kFurniture && above < kClearance;
     });

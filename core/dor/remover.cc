@@ -1,7 +1,6 @@
 #include "core/dor/remover.h"
 
 #include <algorithm>
-#include <atomic>
 #include <utility>
 
 #include "core/dor/exposure.h"
@@ -12,9 +11,9 @@
 namespace mapkeep {
 namespace {
 
-// Where the passes over the scans end, as shares of the whole: collecting voxels, counting, labelling.
+// Where the passes over the scans end, as shares of the whole: collecting voxels, counting.
 constexpr double kCollected = 0.2;
-constexpr double kCounted = 0.8;
+constexpr double kCounted = 0.9;
 
 // A submap Z of eq. 3, judged.
 struct Window {
@@ -22,17 +21,13 @@ struct Window {
   Verdict verdict;
 };
 
-struct PointCounts {
-  uint64_t removed = 0;
-  uint64_t restored = 0;
-};
-
 std::vector<PointLabel> LabelPoints(const Window& window, const Scan& scan, const Pose& pose,
-                                    const DorParameters& parameters, PointCounts& counts) {
+                                    const DorParameters& parameters, LabelCounts& counts) {
   std::vector<PointLabel> labels(scan.points.size(), PointLabel::kStatic);
   std::vector<VoxelIndex> voxels;
   std::vector<Eigen::Vector3d> positions;
   if (!VoxelsOfScan(scan, pose, parameters.voxel_size, voxels, positions).ok()) return labels;
+  counts.points += labels.size();
   int32_t brick = kNoBrick;
   VoxelIndex brick_at;
   for (size_t i = 0; i < labels.size(); ++i) {
@@ -80,9 +75,10 @@ struct Removal::State {
   const Window& WindowOf(size_t scan) const { return windows[parameters.window_radius == 0 ? 0 : scan]; }
 };
 
-std::vector<PointLabel> Removal::Label(size_t index, const Scan& scan) const {
-  PointCounts unused;
-  return LabelPoints(state_->WindowOf(index), scan, state_->poses[index], state_->parameters, unused);
+std::vector<PointLabel> Removal::Label(size_t index, const Scan& scan, LabelCounts* counts) const {
+  LabelCounts unused;
+  return LabelPoints(state_->WindowOf(index), scan, state_->poses[index], state_->parameters,
+                     counts == nullptr ? unused : *counts);
 }
 
 const Evidence& Removal::evidence() const { return state_->evidence; }
@@ -124,19 +120,7 @@ absl::StatusOr<Removal> RemoveDynamicObjects(const ScanSource& scans, std::span<
       report.ground_voxels += verdict == VoxelVerdict::kGround || verdict == VoxelVerdict::kAnkle;
     }
   }
-  std::atomic<uint64_t> points = 0, removed = 0, restored = 0;
-  const auto count_points = [&](size_t index, const Scan& scan) {
-    PointCounts of_scan;
-    LabelPoints(state->WindowOf(index), scan, poses[index], parameters, of_scan);
-    points += scan.points.size();
-    removed += of_scan.removed;
-    restored += of_scan.restored;
-    return absl::OkStatus();
-  };
-  if (auto status = ForEachScan(scans, {progress, kCounted, 1}, count_points); !status.ok()) return status;
-  report.points = points;
-  report.removed_points = removed;
-  report.restored_points = restored;
+  if (progress && !progress(1)) return absl::CancelledError("stopped");
   return Removal(std::move(state));
 }
 

@@ -23,11 +23,21 @@ enum class PointLabel : uint8_t {
   kDynamic = 2,  ///< removed: belongs to something that moved
 };
 
-/// Counts and times of one removal, for reports.
-struct RemovalReport {
+/// Counts of the points that were labelled, for reports.
+struct LabelCounts {
   uint64_t points = 0;
-  uint64_t removed_points = 0;
-  uint64_t restored_points = 0;  ///< given back by eq. 6
+  uint64_t removed = 0;
+  uint64_t restored = 0;  ///< given back by eq. 6
+
+  void Add(const LabelCounts& other) {
+    points += other.points;
+    removed += other.removed;
+    restored += other.restored;
+  }
+};
+
+/// Counts of one removal, for reports.
+struct RemovalReport {
   uint64_t voxels = 0;
   uint64_t dynamic_voxels = 0;
   uint64_t ground_voxels = 0;
@@ -41,8 +51,8 @@ class Removal {
   explicit Removal(std::shared_ptr<const State> state) : state_(std::move(state)) {}
 
   /// One label a point of scan `index` of the session that was judged; `scan` is what the source gave for it. Depends
-  /// on its arguments and the session alone; may be called from several threads at once.
-  std::vector<PointLabel> Label(size_t index, const Scan& scan) const;
+  /// on its arguments and the session alone; may be called from several threads at once. Adds to `counts`, if given.
+  std::vector<PointLabel> Label(size_t index, const Scan& scan, LabelCounts* counts = nullptr) const;
 
   /// H and E of every voxel that was hit and of every watched one, before removal.
   const Evidence& evidence() const;

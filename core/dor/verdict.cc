@@ -205,10 +205,16 @@ void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, con
 // decided around it is mostly dynamic, so is it.
 void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
   constexpr int kReach = 2;  // voxels
+  NearVoxels dynamic_ones(kReach);
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdicts[id] == VoxelVerdict::kDynamic) dynamic_ones.Insert(scene.index(id));
+  }
+  dynamic_ones.Finish();
   std::vector<char> inherits(scene.size());
   scene.ForEach([&](uint32_t id) {
     if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id)) return;
     if (scene.scans(id) >= static_cast<uint32_t>(parameters.decided_scans)) return;
+    if (!dynamic_ones.AnyNear(scene.index(id))) return;
     int dynamic = 0, decided = 0;
     scene.ForEachWithin(kReach, id, [&](uint32_t other, int, int, int) {
       dynamic += verdicts[other] == VoxelVerdict::kDynamic;
@@ -230,10 +236,19 @@ void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::v
   constexpr int kMaxSquaredDistance = 5;  // voxel edges
   constexpr int kMinAround = 3;
   std::vector<char> surrounded(scene.size());
-  for (int round = 0; round < kRounds; ++round) {
+  // Those around which nothing became dynamic since they were looked at stay what they are.
+  std::vector<uint32_t> changed;
+  for (uint32_t id = 0; id < scene.size(); ++id) {
+    if (verdicts[id] == VoxelVerdict::kDynamic) changed.push_back(id);
+  }
+  for (int round = 0; round < kRounds && !changed.empty(); ++round) {
+    NearVoxels near_change(kReach);
+    for (const uint32_t id : changed) near_change.Insert(scene.index(id));
+    near_change.Finish();
     scene.ForEach([&](uint32_t id) {
       surrounded[id] = 0;
       if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id) || !scene.was_exposed(id)) return;
+      if (!near_change.AnyNear(scene.index(id))) return;
       int dynamic = 0, around = 0;
       scene.ForEachWithin(kReach, id, [&](uint32_t other, int dx, int dy, int dz) {
         if (other == id || dx * dx + dy * dy + dz * dz > kMaxSquaredDistance) return;
@@ -243,13 +258,12 @@ void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::v
       });
       surrounded[id] = around >= kMinAround && dynamic > parameters.surrounded_share * around;
     });
-    bool changed = false;
+    changed.clear();
     for (uint32_t id = 0; id < scene.size(); ++id) {
       if (!surrounded[id]) continue;
       verdicts[id] = VoxelVerdict::kDynamic;
-      changed = true;
+      changed.push_back(id);
     }
-    if (!changed) return;
   }
 }
 

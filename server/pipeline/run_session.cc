@@ -65,11 +65,14 @@ class SessionRun {
     if (absl::Status status = Align(); !status.ok()) return status;
     auto removal = Clean();
     if (!removal.ok()) return removal.status();
+    LabelCounts labels;
     auto session_map = Stage<SessionMap>("merge", [&](const Progress& progress) {
       return SummariseSession(scans_, poses_, *removal, MinutesSince2000(record_.start_time), parameters_.session_map,
-                              progress);
+                              progress, &labels);
     });
     if (!session_map.ok()) return session_map.status();
+    record_.report.points_removed = labels.removed;
+    record_.report.points_restored = labels.restored;
     record_.report.session_voxels = session_map->voxels.size();
     if (absl::Status status = stores_.sessions.WritePoses(job_.map, job_.session, poses_); !status.ok()) return status;
     auto commit =
@@ -118,7 +121,7 @@ class SessionRun {
   }
 
   absl::StatusOr<Removal> Clean() {
-    auto removal = Stage<Removal>("clean", [&](const Progress& progress) -> absl::StatusOr<Removal> {
+    return Stage<Removal>("clean", [&](const Progress& progress) -> absl::StatusOr<Removal> {
       if (parameters_.clean.refine_poses) {
         auto refined = RefinePoses(scans_, poses_, parameters_.clean.refinement, {progress, 0, 0});
         if (!refined.ok()) return refined.status();
@@ -126,11 +129,6 @@ class SessionRun {
       }
       return CleanAgainstMap(*base_, scans_, outline_, poses_, parameters_.clean, progress);
     });
-    if (removal.ok()) {
-      record_.report.points_removed = removal->report().removed_points;
-      record_.report.points_restored = removal->report().restored_points;
-    }
-    return removal;
   }
 
   absl::StatusOr<CommitRecord> Commit(const SessionMap& session_map, const Progress& progress) {

@@ -1,6 +1,7 @@
 #include "server/pipeline/stages.h"
 
 #include <algorithm>
+#include <mutex>
 
 #include "server/pipeline/map_target.h"
 
@@ -30,8 +31,16 @@ absl::StatusOr<Removal> CleanAgainstMap(const Snapshot& base, const ScanSource& 
 
 absl::StatusOr<SessionMap> SummariseSession(const ScanSource& scans, std::span<const Pose> poses,
                                             const Removal& removal, uint32_t start_minutes,
-                                            const SessionMapParameters& parameters, const Progress& progress) {
-  const Labeller label = [&removal](size_t index, const Scan& scan) { return removal.Label(index, scan); };
+                                            const SessionMapParameters& parameters, const Progress& progress,
+                                            LabelCounts* labels) {
+  std::mutex mutex;  // guards *labels
+  const Labeller label = [&](size_t index, const Scan& scan) {
+    LabelCounts of_scan;
+    std::vector<PointLabel> of_points = removal.Label(index, scan, &of_scan);
+    const std::lock_guard lock(mutex);
+    if (labels != nullptr) labels->Add(of_scan);
+    return of_points;
+  };
   return BuildSessionMap(scans, poses, label, removal.evidence(), start_minutes, parameters, progress);
 }
 

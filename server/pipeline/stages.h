@@ -32,10 +32,11 @@ absl::StatusOr<Removal> CleanAgainstMap(const Snapshot& base, const ScanSource& 
                                         std::span<const Pose> poses, DorParameters parameters,
                                         const Progress& progress);
 
-/// Stage "merge": the session's ratio map.
+/// Stage "merge": the session's ratio map. The counts of its points are added to `labels`, if given.
 absl::StatusOr<SessionMap> SummariseSession(const ScanSource& scans, std::span<const Pose> poses,
                                             const Removal& removal, uint32_t start_minutes,
-                                            const SessionMapParameters& parameters, const Progress& progress);
+                                            const SessionMapParameters& parameters, const Progress& progress,
+                                            LabelCounts* labels = nullptr);
 
 /// What stage "commit" is given.
 struct MergeInput {

@@ -138,7 +138,7 @@ int Run(int argc, char** argv) {
     last_scans = count;
     last_voxels = voxels;
     std::printf("%8zu%14.0f%12.0f%12.0f%12.1f%10.0f%14.1f\n", scans,
-                static_cast<double>(measured->report.points) / count, voxels, peak, slope * 1024, a_voxel,
+                static_cast<double>(ScanAt(0, points).points.size()), voxels, peak, slope * 1024, a_voxel,
                 1000 * measured->seconds / count);
     std::fflush(stdout);
   }
