@@ -7,11 +7,11 @@
 namespace mapkeep {
 
 AnyAnswer CallAny(const std::shared_ptr<grpc::Channel>& channel, const std::string& path, const std::string& bytes,
-                  const std::string& token, const std::string& request_id) {
+                  const std::string& token, const std::string& request_id, std::chrono::seconds deadline) {
   grpc::GenericStub stub(channel);
   grpc::CompletionQueue queue;
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+  context.set_deadline(std::chrono::system_clock::now() + deadline);
   if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
   if (!request_id.empty()) context.AddMetadata("x-request-id", request_id);
   const auto call = stub.PrepareCall(&context, path, &queue);

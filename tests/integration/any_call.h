@@ -2,6 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <chrono>
 #include <map>
 #include <memory>
 #include <string>
@@ -18,7 +19,8 @@ struct AnyAnswer {
 /// Any method by its path ("/mapkeep.v1.MapService/GetMap"), unary or stream: sends one message of raw bytes and the
 /// end, takes every answer. `token`: none if empty. `request_id`: likewise.
 AnyAnswer CallAny(const std::shared_ptr<grpc::Channel>& channel, const std::string& path, const std::string& bytes,
-                  const std::string& token = "", const std::string& request_id = "");
+                  const std::string& token = "", const std::string& request_id = "",
+                  std::chrono::seconds deadline = std::chrono::seconds(30));
 
 /// A channel of its own: no connection is shared with another one.
 std::shared_ptr<grpc::Channel> ChannelTo(
