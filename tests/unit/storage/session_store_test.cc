@@ -35,7 +35,8 @@ StagedScan AnyScan(uint64_t seed, size_t points = 100) {
 
 template <typename Values>
 bool SameBits(const Values& a, const Values& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) == 0;
+  if (a.size() != b.size()) return false;
+  return a.size() == 0 || std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) == 0;
 }
 
 void ExpectSame(const StagedScan& a, const StagedScan& b) {
