@@ -163,16 +163,30 @@ void JudgeClusters(const Scene& scene, const DorParameters& parameters, std::vec
   }
 }
 
+std::vector<uint32_t> DynamicVoxels(const std::vector<VoxelVerdict>& verdicts) {
+  std::vector<uint32_t> ids;
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    if (verdicts[id] == VoxelVerdict::kDynamic) ids.push_back(id);
+  }
+  return ids;
+}
+
+// `edge` in voxel edges.
+NearVoxels NearVoxelsOf(const Scene& scene, std::span<const uint32_t> ids, double edge) {
+  NearVoxels near(edge);
+  for (const uint32_t id : ids) near.Insert(scene.index(id));
+  near.Finish();
+  return near;
+}
+
 // What is dynamic for its R must have moved through a place that was clear: surfaces are looked through at grazing
 // angles, but there no confirmed void is near.
 void Confirm(const Scene& scene, const VoxelCounts& counts, const DorParameters& parameters,
              std::vector<VoxelVerdict>& verdicts) {
-  NearVoxels confirmed(parameters.confirm_reach / parameters.voxel_size);
-  for (uint32_t id = 0; id < scene.size(); ++id) {
-    if (verdicts[id] != VoxelVerdict::kDynamic) continue;
-    if (counts.confirmed[id] >= static_cast<uint32_t>(parameters.confirmed_scans)) confirmed.Insert(scene.index(id));
-  }
-  confirmed.Finish();
+  std::vector<uint32_t> voids = DynamicVoxels(verdicts);
+  std::erase_if(voids,
+                [&](uint32_t id) { return counts.confirmed[id] < static_cast<uint32_t>(parameters.confirmed_scans); });
+  const NearVoxels confirmed = NearVoxelsOf(scene, voids, parameters.confirm_reach / parameters.voxel_size);
   scene.ForEach([&](uint32_t id) {
     if (verdicts[id] != VoxelVerdict::kDynamic || confirmed.AnyNear(scene.index(id))) return;
     verdicts[id] = VoxelVerdict::kStatic;
@@ -205,11 +219,7 @@ void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, con
 // decided around it is mostly dynamic, so is it.
 void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
   constexpr int kReach = 2;  // voxels
-  NearVoxels dynamic_ones(kReach);
-  for (uint32_t id = 0; id < scene.size(); ++id) {
-    if (verdicts[id] == VoxelVerdict::kDynamic) dynamic_ones.Insert(scene.index(id));
-  }
-  dynamic_ones.Finish();
+  const NearVoxels dynamic_ones = NearVoxelsOf(scene, DynamicVoxels(verdicts), kReach);
   std::vector<char> inherits(scene.size());
   scene.ForEach([&](uint32_t id) {
     if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id)) return;
@@ -237,14 +247,9 @@ void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::v
   constexpr int kMinAround = 3;
   std::vector<char> surrounded(scene.size());
   // Those around which nothing became dynamic since they were looked at stay what they are.
-  std::vector<uint32_t> changed;
-  for (uint32_t id = 0; id < scene.size(); ++id) {
-    if (verdicts[id] == VoxelVerdict::kDynamic) changed.push_back(id);
-  }
+  std::vector<uint32_t> changed = DynamicVoxels(verdicts);
   for (int round = 0; round < kRounds && !changed.empty(); ++round) {
-    NearVoxels near_change(kReach);
-    for (const uint32_t id : changed) near_change.Insert(scene.index(id));
-    near_change.Finish();
+    const NearVoxels near_change = NearVoxelsOf(scene, changed, kReach);
     scene.ForEach([&](uint32_t id) {
       surrounded[id] = 0;
       if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id) || !scene.was_exposed(id)) return;
