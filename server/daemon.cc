@@ -100,6 +100,7 @@ struct Daemon::State {
   std::unique_ptr<Leases> leases;
   SessionFeed feed;
   std::unique_ptr<EpochFeed> epochs;
+  PlanCache plans;
   std::shared_mutex map_lifetimes;
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<WorkPool> pool, staging;
@@ -190,7 +191,7 @@ struct Daemon::State {
     const auto holder = HolderName(config.data);
     if (!holder.ok()) return holder.status();
     pipeline =
-        std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, &pipeline_events},
+        std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, plans, &pipeline_events},
                                    PipelineOptions{.threads = config.threads,
                                                    .jobs = config.limits.jobs,
                                                    .serial_per_map = config.serial_per_map,
@@ -200,8 +201,8 @@ struct Daemon::State {
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
     staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);
-    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *pool, *staging, config,
-                                                    *gate, call_metrics, *quotas, map_lifetimes, *epochs});
+    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, plans, *pool, *staging,
+                                                    config, *gate, call_metrics, *quotas, map_lifetimes, *epochs});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
     if (!config.http.host.empty()) {

@@ -81,6 +81,7 @@ std::string EncodeSession(const StoredSession& session) {
   row.set_pose_count(session.pose_count);
   row.set_revision(session.revision);
   if (record.initial_pose) row.mutable_initial_pose()->Add(record.initial_pose->begin(), record.initial_pose->end());
+  if (record.gnss) row.mutable_gnss()->Add(record.gnss->begin(), record.gnss->end());
   row.set_lacks_map(record.lacks_map);
   row.set_retries(record.retries);
   row.set_staged_bytes(record.staged_bytes);
@@ -117,6 +118,10 @@ absl::StatusOr<StoredSession> DecodeSession(std::string_view bytes) {
   if (row->initial_pose_size() == 4) {
     record.initial_pose.emplace();
     std::copy(row->initial_pose().begin(), row->initial_pose().end(), record.initial_pose->begin());
+  }
+  if (row->gnss_size() == 12) {
+    record.gnss.emplace();
+    std::copy(row->gnss().begin(), row->gnss().end(), record.gnss->begin());
   }
   record.lacks_map = row->lacks_map();
   record.retries = row->retries();

@@ -54,6 +54,8 @@ struct SessionRecord {
   SessionReport report;
   /// Where the first scan was taken, if anybody said so: x, y, z in the map frame, and yaw (metres, radians).
   std::optional<std::array<double, 4>> initial_pose;
+  /// Where GNSS says that it was: x, y, z in the map's CRS, and their covariance row by row.
+  std::optional<std::array<double, 12>> gnss;
   bool lacks_map = false;     ///< refused, and the map may just not reach there yet
   uint32_t retries = 0;       ///< times that the daemon has tried it again by itself
   uint64_t staged_bytes = 0;  ///< of scans [0, durable_scans), decoded: 16 bytes a point

@@ -66,10 +66,19 @@ absl::StatusOr<Eigen::AlignedBox3d> ParseBox(const std::string& option, const st
   return box;
 }
 
-absl::StatusOr<InitialPose> ParseInitialPose(const std::string& option, const std::string& text) {
+absl::StatusOr<KnownStart> ParseInitialPose(const std::string& option, const std::string& text) {
   const absl::StatusOr<std::vector<double>> numbers = ParseNumbers(option, text, 4, "X,Y,Z,YAW (degrees)");
   if (!numbers.ok()) return numbers.status();
-  return InitialPose{Eigen::Vector3d(numbers->data()), (*numbers)[3] * std::numbers::pi / 180};
+  return KnownStart{(*numbers)[0], (*numbers)[1], (*numbers)[2], (*numbers)[3] * std::numbers::pi / 180};
+}
+
+absl::StatusOr<GnssStart> ParseGnss(const std::string& option, const std::string& text) {
+  const absl::StatusOr<std::vector<double>> numbers = ParseNumbers(option, text, 5, "X,Y,Z,SIGMA_LEVEL,SIGMA_HEIGHT");
+  if (!numbers.ok()) return numbers.status();
+  if (!((*numbers)[3] > 0) || !((*numbers)[4] > 0)) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s '%s': expected deviations above 0 m", option, text));
+  }
+  return GnssStart{(*numbers)[0], (*numbers)[1], (*numbers)[2], (*numbers)[3], (*numbers)[4]};
 }
 
 std::string SessionIdFrom(const std::string& directory_name, uint32_t content_checksum) {

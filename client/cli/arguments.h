@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 #include <string>
 
-#include "client/cli/initial_pose.h"
+#include "client/mapkeep/session_info.h"
 
 namespace mapkeep {
 
@@ -16,7 +16,10 @@ absl::StatusOr<Eigen::Vector3d> ParsePoint(const std::string& option, const std:
 absl::StatusOr<Eigen::AlignedBox3d> ParseBox(const std::string& option, const std::string& text);
 
 /// "X,Y,Z,YAW": metres and degrees.
-absl::StatusOr<InitialPose> ParseInitialPose(const std::string& option, const std::string& text);
+absl::StatusOr<KnownStart> ParseInitialPose(const std::string& option, const std::string& text);
+
+/// "X,Y,Z,SIGMA_LEVEL,SIGMA_HEIGHT": metres, both deviations above 0.
+absl::StatusOr<GnssStart> ParseGnss(const std::string& option, const std::string& text);
 
 /// A session id from what the session is: the directory's name, made fit for an id, and a checksum of its content. The
 /// same scans give the same id, so that an upload repeated is an upload resumed.

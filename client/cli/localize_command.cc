@@ -58,9 +58,9 @@ ExitCode Localize(const GlobalOptions& options, const LocalizeArguments& argumen
   if (!directory.ok()) return BadInput(directory.status());
   LocalizeQuestion question{.map = arguments.map, .scans = SourceOf(*directory), .poses = directory->poses};
   if (!arguments.initial_pose.empty()) {
-    const absl::StatusOr<InitialPose> start = ParseInitialPose("--initial-pose", arguments.initial_pose);
+    const absl::StatusOr<KnownStart> start = ParseInitialPose("--initial-pose", arguments.initial_pose);
     if (!start.ok()) return BadInput(start.status());
-    question.start = KnownStart{start->position.x(), start->position.y(), start->position.z(), start->yaw};
+    question.start = *start;
   }
   const absl::StatusOr<LocalizeAnswer> answer = options.Connect().Localize(question);
   if (!answer.ok()) return Fail(answer.status());

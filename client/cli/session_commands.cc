@@ -62,9 +62,9 @@ ExitCode Watch(const GlobalOptions& options, const SessionArguments& arguments) 
 ExitCode Retry(const GlobalOptions& options, const SessionArguments& arguments) {
   std::optional<KnownStart> start;
   if (!arguments.initial_pose.empty()) {
-    const absl::StatusOr<InitialPose> given = ParseInitialPose("--initial-pose", arguments.initial_pose);
+    const absl::StatusOr<KnownStart> given = ParseInitialPose("--initial-pose", arguments.initial_pose);
     if (!given.ok()) return BadInput(given.status());
-    start = KnownStart{given->position.x(), given->position.y(), given->position.z(), given->yaw};
+    start = *given;
   }
   const absl::StatusOr<SessionInfo> session = options.Connect().RetrySession(arguments.map, arguments.id, start);
   if (!session.ok()) return Fail(session.status());

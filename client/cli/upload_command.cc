@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "client/cli/arguments.h"
-#include "client/cli/initial_pose.h"
 #include "client/cli/interruption.h"
 #include "client/cli/json_values.h"
 #include "client/cli/output.h"
@@ -41,7 +40,8 @@ struct UploadArguments {
   double patience = ClientOptions().patience_seconds;
   bool keep_scans = false;
   bool wait = false;
-  std::string initial_pose;  ///< empty: the poses as they are
+  std::string initial_pose;  ///< empty: unknown
+  std::string gnss;          ///< likewise
 };
 
 std::string DefaultId(const fs::path& directory, const std::vector<uint32_t>& checksums) {
@@ -63,10 +63,17 @@ Sent Send(const GlobalOptions& options, const Client& client, const UploadArgume
   ProgressLine line(options.json);
   absl::StatusOr<SessionDirectory> directory = OpenSessionInput(arguments.input);
   if (!directory.ok()) return {{}, BadInput(directory.status())};
+  std::optional<KnownStart> start;
   if (!arguments.initial_pose.empty()) {
-    const absl::StatusOr<InitialPose> start = ParseInitialPose("--initial-pose", arguments.initial_pose);
-    if (!start.ok()) return {{}, BadInput(start.status())};
-    BeginAt(*start, directory->poses);
+    const absl::StatusOr<KnownStart> given = ParseInitialPose("--initial-pose", arguments.initial_pose);
+    if (!given.ok()) return {{}, BadInput(given.status())};
+    start = *given;
+  }
+  std::optional<GnssStart> gnss;
+  if (!arguments.gnss.empty()) {
+    const absl::StatusOr<GnssStart> given = ParseGnss("--gnss", arguments.gnss);
+    if (!given.ok()) return {{}, BadInput(given.status())};
+    gnss = *given;
   }
   const ScanSource scans = SourceOf(*directory);
   const std::optional<ScanEncoding> encoding = ScanEncodingNamed(arguments.encoding);
@@ -91,7 +98,9 @@ Sent Send(const GlobalOptions& options, const Client& client, const UploadArgume
       .scans = scans,
       .poses = directory->poses,
       .checksums = *checksums,
-      .encoding = *encoding};
+      .encoding = *encoding,
+      .start = start,
+      .gnss = gnss};
   UploadBar bar;
   const absl::Time began = absl::Now();
   absl::StatusOr<SessionInfo> session = client.UploadSession(upload, [&](const UploadProgress& progress) {
@@ -146,8 +155,13 @@ void AddUploadCommand(CommandLine& line, CLI::App& group) {
   command->add_flag("--keep-scans", arguments->keep_scans, "Keep the scans on the server after the commit");
   command
       ->add_option("--initial-pose", arguments->initial_pose,
-                   "Where the first scan was taken, in metres and degrees: moves the whole session there")
+                   "Where the first scan was taken, in metres and degrees: looked for there first")
       ->type_name("X,Y,Z,YAW");
+  command
+      ->add_option(
+          "--gnss", arguments->gnss,
+          "Where the first scan was taken by GNSS, in the map's CRS, and its deviations, metres: looked for there")
+      ->type_name("X,Y,Z,SIGMA_LEVEL,SIGMA_HEIGHT");
   command->add_flag("--wait", arguments->wait, "Wait until it is merged: exit 0 only if it was committed");
   command->callback(
       [&line, arguments] { line.action = [&line, arguments] { return Upload(line.options, *arguments); }; });

@@ -46,6 +46,8 @@ struct SessionUpload {
   std::span<const Pose> poses;          ///< T_odometry_sensor of each scan
   std::span<const uint32_t> checksums;  ///< of each scan in that encoding, by ScanChecksums
   ScanEncoding encoding = ScanEncoding::kRaw;
+  std::optional<KnownStart> start;  ///< where the first scan was taken, if it is roughly known
+  std::optional<GnssStart> gnss;    ///< the same by GNSS; only on a map with a CRS
 };
 
 /// How far an upload is.

@@ -14,6 +14,12 @@ struct KnownStart {
   double yaw = 0;
 };
 
+/// Where GNSS says that the sensor was at the first scan: metres in the map's CRS.
+struct GnssStart {
+  double x = 0, y = 0, z = 0;
+  double level_sigma = 0, height_sigma = 0;  ///< deviations of x and y each, and of z, metres
+};
+
 /// A session as the server tells of it; see proto/mapkeep/v1/session_service.proto.
 struct SessionInfo {
   enum class State : uint8_t { kUnknown, kUploading, kQueued, kRunning, kCommitted, kRefused, kFailed, kRolledBack };

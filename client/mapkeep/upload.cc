@@ -69,6 +69,8 @@ class Uploader {
     begin.set_robot(upload_.robot);
     begin.set_keep_scans(upload_.keep_scans);
     begin.mutable_scan_crc32c()->Assign(upload_.checksums.begin(), upload_.checksums.end());
+    if (upload_.start) *begin.mutable_initial_pose() = ToWire(*upload_.start);
+    if (upload_.gnss) *begin.mutable_gnss() = ToWire(*upload_.gnss);
     v1::BeginSessionResponse begun;
     absl::Status status =
         connection_.Call(connection_.sessions(), &v1::SessionService::Stub::BeginSession, begin, &begun);

@@ -216,6 +216,14 @@ v1::InitialPose ToWire(const KnownStart& start) {
   return wire;
 }
 
+v1::GnssPosition ToWire(const GnssStart& start) {
+  v1::GnssPosition wire;
+  ToWire(Eigen::Vector3d(start.x, start.y, start.z), wire.mutable_position());
+  const double level = start.level_sigma * start.level_sigma, height = start.height_sigma * start.height_sigma;
+  for (const double value : {level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, height}) wire.add_covariance(value);
+  return wire;
+}
+
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire) {
   ToWire(box.min(), wire->mutable_min());
   ToWire(box.max(), wire->mutable_max());

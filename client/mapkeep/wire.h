@@ -27,6 +27,7 @@ absl::StatusOr<Block> FromWire(const v1::VoxelBlock& block);
 v1::PointFormat ToWire(PayloadFormat format);
 void ToWire(const Eigen::Vector3d& point, v1::Point* wire);
 v1::InitialPose ToWire(const KnownStart& start);
+v1::GnssPosition ToWire(const GnssStart& start);
 void ToWire(const Eigen::AlignedBox3d& box, v1::Box* wire);
 void ToWire(const Pose& pose, v1::Pose* wire);
 v1::CreateMapRequest ToWire(const NewMap& map);

@@ -70,6 +70,8 @@ class Tracker {
   std::vector<TrackedWindow>& windows() { return windows_; }
   /// Where each scan lies by its own points, if a trusted window has it in its middle.
   const std::vector<ScanPlacement>& scans() const { return scans_; }
+  /// Metres of travel of the session.
+  double travel() const { return travel_.back(); }
   /// The map has nothing where the session was tracked.
   bool nothing_near() const { return nothing_near_; }
 
@@ -80,6 +82,7 @@ class Tracker {
     if (!target.ok()) return target.status();
     const Placer placer(*std::move(target), parameters_);
     nothing_near_ = placer.empty();
+    local_plan_ = placer.PlanOfTarget();
     if (nothing_near_) return absl::OkStatus();
     std::optional<size_t> last;
     std::optional<size_t> seed;
@@ -120,15 +123,18 @@ class Tracker {
     const Pose guess = correction * first;
     Placement placement = placer.Place(query->points, guess);
     const double travel = from ? TravelBetween(windows_[*from].window, tracked.window, travel_) : 0;
-    bool trusted = FitsMap(placement.fit, parameters_) && placement.correction <= parameters_.max_correction &&
-                   placement.rotation <= parameters_.max_rotation &&
-                   (!from || Agree(guess, placement.pose, travel, parameters_));
+    bool trusted =
+        FitsMap(placement.fit, parameters_) && placement.correction <= parameters_.max_correction &&
+        placement.rotation <= parameters_.max_rotation &&
+        (from ? Agree(guess, placement.pose, travel, parameters_)
+              : StructureFits(placer.Structure(PlanQueryOf(*query, parameters_.plan), local_plan_, placement.pose),
+                              parameters_));
     const size_t lost = from ? (u > *from ? u - *from : *from - u) : 0;
     if (!trusted && lost >= static_cast<size_t>(parameters_.lost_windows) &&
         placement.fit.coverage >= parameters_.min_coverage) {
       const Eigen::AlignedBox3d near =
           BoxOfWindow(tracked.window, poses_, correction, parameters_.query_range + parameters_.prior_reach);
-      const auto place = FindPlace(*query, map_, near, parameters_);
+      const auto place = FindPlace(*query, map_, near, {}, parameters_);
       if (!place.ok()) return place.status();
       if (place->fits && Agree(guess, place->placement.pose, travel, parameters_)) {
         placement = placer.Place(query->points, place->placement.pose);
@@ -176,6 +182,7 @@ class Tracker {
   std::vector<double> travel_{0.0};
   std::vector<size_t> owners_;  // of each scan, the window with it nearest to the middle
   std::vector<ScanPlacement> scans_;
+  WallPlan local_plan_{{}};
   bool nothing_near_ = false;
 };
 
@@ -225,11 +232,26 @@ void Conclude(std::span<const Pose> poses, std::span<const TrackedWindow> window
       parameters.scan_poses == ScanPoses::kFusion ? FusePoses(poses, trusted) : OptimisePoses(poses, trusted, scans);
 }
 
+// Refuses what lies elsewhere than its position says. `travel`: metres of the whole session, by which its first scan
+// may have drifted from the trusted windows.
+void CheckPosition(const PositionPrior& position, double travel, const AlignParameters& parameters,
+                   Alignment& alignment) {
+  if (!alignment.accepted) return;
+  const Eigen::Vector3d place = alignment.poses.front().translation();
+  const double off = DeviationsFrom(position, place, parameters.agree_distance + parameters.agree_per_metre * travel);
+  if (off <= kMostDeviations) return;
+  alignment = Alignment{
+      .reason = absl::StrFormat("it fits the map, but its first scan then lies %.1f m from where GNSS has it: %.1f "
+                                "deviations, at most %.0f are allowed",
+                                (place - position.position).norm(), off, kMostDeviations),
+      .windows = std::move(alignment.windows)};
+}
+
 }  // namespace
 
 absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses, const TargetMap& map,
                                        const std::optional<Pose>& prior, const AlignParameters& parameters,
-                                       const Progress& progress) {
+                                       const Progress& progress, const std::optional<PositionPrior>& position) {
   if (const absl::Status status = CheckInput(scans, poses, parameters); !status.ok()) return status;
   Alignment alignment;
   if (poses.empty()) {
@@ -250,12 +272,7 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
     if (const absl::Status status = tracker.TrackFrom(0, *prior); !status.ok()) return status;
   }
   if (TrustedCount(tracker.windows()) == 0) {
-    absl::StatusOr<SeedSearch> search = SeedSearch{};
-    if (!prior) {
-      search = TryAsGiven(queries, poses, windows, map, parameters, step);
-      if (!search.ok()) return search.status();
-    }
-    if (!search->seed) search = SearchMap(queries, poses, windows, map, prior, parameters, step);
+    const auto search = SearchMap(queries, poses, windows, map, prior, position, parameters, step);
     if (!search.ok()) return search.status();
     if (search->seed) {
       const size_t first = WindowAt(tracker.windows(), search->seed->window);
@@ -280,6 +297,7 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
     }
   }
   Conclude(poses, tracker.windows(), tracker.scans(), parameters, alignment);
+  if (position) CheckPosition(*position, tracker.travel(), parameters, alignment);
   if (progress && !progress(1)) return absl::CancelledError("stopped while aligning the session");
   return alignment;
 }

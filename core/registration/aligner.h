@@ -13,6 +13,7 @@
 #include "core/geometry/progress.h"
 #include "core/geometry/scan.h"
 #include "core/registration/parameters.h"
+#include "core/registration/position_prior.h"
 #include "core/registration/target_map.h"
 
 namespace mapkeep {
@@ -47,16 +48,18 @@ struct Alignment {
 };
 
 /// Aligns a session to the map. With a `prior` (T_map_session, roughly known) the windows are tracked from there, and
-/// matched globally near it if that fails. Without, poses are taken as given if windows along the session fit at once
-/// and agree; otherwise the global matcher looks for it all over the map. A place that the matcher found counts only if
-/// two windows that share no scan agree on it and nothing else in the map fits nearly as well. Then GICP tracks from
-/// window to window, the matcher is asked again where that is lost, and scan poses come from a pose graph over trusted
-/// windows and odometry (or by eq. 2, as the parameters say). A session that finds no place is refused with the reason:
-/// not an error. Deterministic on any number of threads. INVALID_ARGUMENT for counts that do not match; errors of the
-/// source and of the map are passed on.
+/// looked for near it if that fails. Without, they are looked for all over the map; where the poses as given put them
+/// is one place of many. A place that was found counts only if what stands upright fits there, two windows that share
+/// no scan agree on it and nothing else in the map fits nearly as well. Then GICP tracks from window to window, the
+/// matcher is asked again where that is lost, and scan poses come from a pose graph over trusted windows and odometry
+/// (or by eq. 2, as the parameters say). With a `position` of the first scan it is looked for only there, and refused
+/// if it then lies more than kMostDeviations off. A session that finds no place is refused with the reason: not an
+/// error. Deterministic on any number of threads. INVALID_ARGUMENT for counts that do not match; errors of the source
+/// and of the map are passed on.
 absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const Pose> poses, const TargetMap& map,
                                        const std::optional<Pose>& prior, const AlignParameters& parameters,
-                                       const Progress& progress = {});
+                                       const Progress& progress = {},
+                                       const std::optional<PositionPrior>& position = {});
 
 /// The session that founds a map: its poses as given are the map frame. Refused if its ground and walls say that z is
 /// not up within 5 degrees.

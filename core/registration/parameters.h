@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/registration/global_matcher.h"
+#include "core/registration/plan_search.h"
 
 namespace mapkeep {
 
@@ -30,13 +31,14 @@ struct AlignParameters {
   int max_iterations = 30;             ///< of GICP, a round
   double max_tilt = 5.0;               ///< degrees that z may be off the up direction in a session that founds a map
 
-  double min_precision = 0.7;     ///< Fit::precision of a window, likewise
-  double min_coverage = 0.35;     ///< Fit::coverage of a window: below it lies beyond the map
-  double first_fitness = 0.8;     ///< f_u of a window that is placed without a prior,
-  double first_precision = 0.78;  ///< its precision,
-  double first_coverage = 0.4;    ///< and its coverage
-  double alias_share = 0.85;    ///< of a place's surface share: another place that reaches it makes a window ambiguous
-  double agree_distance = 0.5;  ///< metres that two windows may disagree by,
+  double min_precision = 0.7;      ///< Fit::precision of a window, likewise
+  double min_coverage = 0.35;      ///< Fit::coverage of a window: below it lies beyond the map
+  double first_structure = 0.13;   ///< StructureFit::score of a window that no other one leads to
+  double first_fitness = 0.8;      ///< f_u of a window that is found by descriptors, without a prior,
+  double first_precision = 0.78;   ///< its precision,
+  double first_coverage = 0.4;     ///< and its coverage
+  double alias_share = 0.75;       ///< of a place's score: another place that reaches it makes a window ambiguous
+  double agree_distance = 0.5;     ///< metres that two windows may disagree by,
   double agree_per_metre = 0.03;   ///< and metres more a metre of travel between them,
   double agree_rotation = 0.02;    ///< radians,
   double agree_turn = 0.0005;      ///< and radians more a metre
@@ -45,6 +47,9 @@ struct AlignParameters {
   int lost_windows = 3;            ///< windows in a row without trust after which the matcher is asked again
   double min_trusted_share = 0.3;  ///< of the windows inside the map, else the session is refused
   ScanPoses scan_poses = ScanPoses::kPoseGraph;
+  PlanSearchParameters plan;
+  double plan_rival = 0.65;       ///< of the best place's walls: another place that has as many is refined as well
+  bool match_descriptors = true;  ///< where the search from above finds no place at all
   MatcherParameters matcher;
 };
 

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <memory>
 #include <utility>
 
 #include "core/registration/surface_normals.h"
@@ -56,6 +57,16 @@ Placement Placer::Place(std::span<const Eigen::Vector3d> query, const Pose& gues
   return placement;
 }
 
+StructureFit Placer::Structure(const PlanQuery& query, const WallPlan& plan, const Pose& pose) const {
+  return StructureFitOf(query, plan, target_, tree_, coverage_, pose);
+}
+
+WallPlan Placer::PlanOfTarget() const {
+  const std::shared_ptr<const PlanPart> whole =
+      std::make_shared<const PlanPart>(PlanOf(target_.points, target_.normals));
+  return WallPlan(std::span(&whole, 1));
+}
+
 std::vector<ScanPlacement> Placer::PlaceScans(std::span<const Eigen::Vector3d> query,
                                               std::span<const std::vector<Eigen::Vector3f>* const> scans,
                                               std::span<const Pose> sensors, const Pose& placed) const {
@@ -89,6 +100,10 @@ bool FitsMap(const Fit& fit, const AlignParameters& parameters) {
   return fit.fitness >= parameters.min_fitness && fit.inliers >= static_cast<size_t>(parameters.min_inliers) &&
          fit.observability >= parameters.min_observability && fit.precision >= parameters.min_precision &&
          fit.coverage >= parameters.min_coverage;
+}
+
+bool StructureFits(const StructureFit& fit, const AlignParameters& parameters) {
+  return fit.score() >= parameters.first_structure;
 }
 
 bool FitsMapWithoutPrior(const Fit& fit, const AlignParameters& parameters) {

@@ -9,6 +9,7 @@
 #include "core/registration/gicp.h"
 #include "core/registration/parameters.h"
 #include "core/registration/point_tree.h"
+#include "core/registration/structure.h"
 #include "core/registration/target_map.h"
 
 namespace mapkeep {
@@ -44,6 +45,11 @@ class Placer {
   /// Coarse, then fine GICP from the guess, and the fit where that ends. `query` in the window's frame.
   Placement Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const;
 
+  /// How well what stands upright in a window lies at a refined pose.
+  StructureFit Structure(const PlanQuery& query, const WallPlan& plan, const Pose& pose) const;
+  /// The plan of this part of the map alone.
+  WallPlan PlanOfTarget() const;
+
   /// The scans of a window, each refined on its own from where the window puts it. `scans` in their sensors' frames,
   /// `sensors[i]` T_window_sensor of scan i, `placed` T_map_window. A scan alone is too sparse for normals: it takes
   /// those of the window's points.
@@ -61,7 +67,9 @@ class Placer {
 /// What every window that is believed must show, however it was placed: fitness, inliers, and surroundings that fix it
 /// in every direction.
 bool FitsMap(const Fit& fit, const AlignParameters& parameters);
-/// What a window placed without a prior must show on top of that.
+/// What a window must show on top of that if its pose is no continuation of another one's.
+bool StructureFits(const StructureFit& fit, const AlignParameters& parameters);
+/// What a window found by descriptors, without a prior, must show on top of FitsMap.
 bool FitsMapWithoutPrior(const Fit& fit, const AlignParameters& parameters);
 
 /// Whether two places of windows follow from one another by odometry: `predicted` and `found` are poses of the same

@@ -13,9 +13,6 @@
 namespace mapkeep {
 namespace {
 
-constexpr size_t kGivenProbes = 5;   // windows that TryAsGiven places
-constexpr double kTargetMargin = 3;  // metres about a window's reach from which the map is read
-
 bool Disjoint(const Window& a, const Window& b) { return a.last < b.first || b.last < a.first; }
 
 // Windows to match: those of the session; the halves of one that is too short for two that share no scan.
@@ -90,12 +87,27 @@ std::vector<double> TravelOf(std::span<const Pose> poses) {
 
 absl::StatusOr<FoundPlace> PlaceOf(QueryBuilder& queries, const Window& window, std::span<const Pose> poses,
                                    const TargetMap& map, const std::optional<Pose>& prior,
-                                   const AlignParameters& parameters) {
+                                   const std::optional<PositionPrior>& position, const AlignParameters& parameters) {
   const auto query = queries.QueryOf(window);
   if (!query.ok()) return query.status();
   std::optional<Eigen::AlignedBox3d> within;
-  if (prior) within = BoxOfWindow(window, poses, *prior, parameters.prior_reach + parameters.query_range);
-  return FindPlace(*query, map, within, parameters);
+  // A robot that knows the map gives poses in its frame: one more place to look at.
+  std::optional<Pose> guess = poses[window.first];
+  if (prior) {
+    guess = *prior * poses[window.first];
+    within = BoxOfWindow(window, poses, *prior, parameters.prior_reach + parameters.query_range);
+  } else if (position) {
+    guess.reset();
+    // The heading is open: a circle about the first scan.
+    double reach = ReachOf(*position) + parameters.query_range;
+    for (size_t i = window.first; i <= window.last; ++i) {
+      reach = std::max(reach, ReachOf(*position) + parameters.query_range +
+                                  (poses[i].translation() - poses[0].translation()).norm());
+    }
+    const Eigen::Vector3d margin = Eigen::Vector3d::Constant(reach);
+    within = Eigen::AlignedBox3d(position->position - margin, position->position + margin);
+  }
+  return FindPlace(*query, map, within, guess, parameters);
 }
 
 }  // namespace
@@ -118,48 +130,10 @@ double TravelBetween(const Window& a, const Window& b, std::span<const double> t
   return std::abs(travel[(b.first + b.last) / 2] - travel[(a.first + a.last) / 2]);
 }
 
-absl::StatusOr<SeedSearch> TryAsGiven(QueryBuilder& queries, std::span<const Pose> poses,
-                                      std::span<const Window> windows, const TargetMap& map,
-                                      const AlignParameters& parameters, const SearchProgress& progress) {
-  const std::vector<Window> all = ProbesOf(windows);
-  std::vector<Window> probes;
-  for (size_t k = 0; k < std::min(kGivenProbes, all.size()); ++k) {
-    probes.push_back(all[all.size() == 1 ? 0 : k * (all.size() - 1) / (std::min(kGivenProbes, all.size()) - 1)]);
-  }
-  const std::vector<double> travel = TravelOf(poses);
-  std::vector<Hit> hits;
-  size_t inside = 0;
-  SeedSearch search{.reason = "the poses as given do not fit the map"};
-  for (const Window& probe : probes) {
-    if (!progress()) return absl::CancelledError("stopped while aligning the session");
-    const Eigen::AlignedBox3d box = BoxOfWindow(probe, poses, Pose::Identity(), parameters.query_range + kTargetMargin);
-    auto target = map.points(std::span(&box, 1));
-    if (!target.ok()) return target.status();
-    if (target->points.empty()) continue;
-    const auto query = queries.QueryOf(probe);
-    if (!query.ok()) return query.status();
-    const Placement placement = Placer(*std::move(target), parameters).Place(query->points, poses[probe.first]);
-    if (placement.fit.coverage >= parameters.min_coverage) ++inside;
-    if (!FitsMapWithoutPrior(placement.fit, parameters) || placement.correction > parameters.max_correction ||
-        placement.rotation > parameters.max_rotation) {
-      continue;
-    }
-    hits.push_back({probe, placement.pose});
-  }
-  if (hits.empty() || 2 * hits.size() < inside) return search;
-  for (size_t i = 1; i < hits.size(); ++i) {
-    if (!AgreeByOdometry(hits[i - 1], hits[i], poses, travel, parameters)) return search;
-  }
-  if (hits.size() < std::min<size_t>(probes.size(), 2)) return search;
-  search.seed = SeedOf(hits.front(), poses);
-  search.reason.clear();
-  return search;
-}
-
 absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose> poses,
                                      std::span<const Window> windows, const TargetMap& map,
-                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
-                                     const SearchProgress& progress) {
+                                     const std::optional<Pose>& prior, const std::optional<PositionPrior>& position,
+                                     const AlignParameters& parameters, const SearchProgress& progress) {
   const std::vector<Window> probes = ProbesOf(windows);
   const std::vector<size_t> order = SpreadOrder(probes.size());
   const std::vector<double> travel = TravelOf(poses);
@@ -173,7 +147,7 @@ absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose
     done[*next] = 1;
     const Window& probe = probes[*next];
     if (!progress()) return absl::CancelledError("stopped while aligning the session");
-    const auto place = PlaceOf(queries, probe, poses, map, prior, parameters);
+    const auto place = PlaceOf(queries, probe, poses, map, prior, position, parameters);
     if (!place.ok()) return place.status();
     if (!place->fits) {
       absl::StrAppendFormat(&reasons, "; scans %d to %d: %s", probe.first, probe.last, place->reason);
@@ -199,7 +173,7 @@ absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose
     std::vector<Hit> halves;
     for (const Window& half : {Window{whole.window.first, middle - 1}, Window{middle, whole.window.last}}) {
       if (!progress()) return absl::CancelledError("stopped while aligning the session");
-      const auto place = PlaceOf(queries, half, poses, map, prior, parameters);
+      const auto place = PlaceOf(queries, half, poses, map, prior, position, parameters);
       if (!place.ok()) return place.status();
       if (place->fits) halves.push_back({half, place->placement.pose});
     }

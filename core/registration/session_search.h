@@ -10,6 +10,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/registration/parameters.h"
+#include "core/registration/position_prior.h"
 #include "core/registration/query.h"
 #include "core/registration/target_map.h"
 #include "core/registration/windows.h"
@@ -31,19 +32,14 @@ struct SeedSearch {
 /// Told before each window of a search; returns false to stop it, which makes the search return CANCELLED.
 using SearchProgress = std::function<bool()>;
 
-/// Whether the poses as given are the map frame already: windows along the session are placed from there, and it holds
-/// if they fit as windows without a prior must, agree with one another, and most of those inside the map do so.
-absl::StatusOr<SeedSearch> TryAsGiven(QueryBuilder& queries, std::span<const Pose> poses,
-                                      std::span<const Window> windows, const TargetMap& map,
-                                      const AlignParameters& parameters, const SearchProgress& progress);
-
-/// Looks for the session all over the map, or within `prior_reach` of where `prior` (T_map_session) puts it: windows
-/// are matched globally, spread over the session at first and beside a place once one was found, until two that share
-/// no scan agree on it.
+/// Looks for the session all over the map, or within `prior_reach` of where `prior` (T_map_session) puts it, or as far
+/// about the `position` of its first scan as that may be wrong and the session has travelled since: windows are looked
+/// for, spread over the session at first and beside a place once one was found, until two that share no scan agree on
+/// it. Where the poses as given put a window is looked at like any other place: it must fit better than all others.
 absl::StatusOr<SeedSearch> SearchMap(QueryBuilder& queries, std::span<const Pose> poses,
                                      std::span<const Window> windows, const TargetMap& map,
-                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
-                                     const SearchProgress& progress);
+                                     const std::optional<Pose>& prior, const std::optional<PositionPrior>& position,
+                                     const AlignParameters& parameters, const SearchProgress& progress);
 
 /// Boxes about the sensor positions of a window under a correction, `reach` metres to every side.
 Eigen::AlignedBox3d BoxOfWindow(const Window& window, std::span<const Pose> poses, const Pose& correction,

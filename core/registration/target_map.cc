@@ -49,6 +49,15 @@ TargetMap MapOf(RegistrationTarget target, const MatcherParameters& parameters) 
     for (const auto& all : *described) near.push_back(std::make_shared<const MatchTarget>(Within(all->features, *box)));
     return near;
   };
+  const auto plan = std::make_shared<std::shared_ptr<const WallPlan>>();
+  map.plan = [held, plan]() -> absl::StatusOr<std::shared_ptr<const WallPlan>> {
+    if (!*plan) {
+      const std::shared_ptr<const PlanPart> whole =
+          std::make_shared<const PlanPart>(PlanOf(held->points, held->normals));
+      *plan = std::make_shared<const WallPlan>(std::span(&whole, 1));
+    }
+    return *plan;
+  };
   return map;
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/registration/global_matcher.h"
+#include "core/registration/wall_plan.h"
 
 namespace mapkeep {
 
@@ -20,7 +21,7 @@ struct RegistrationTarget {
   std::vector<Eigen::Vector3d> normals;  ///< unit, towards the free side; or zero where unknown
 };
 
-/// The map as registration reads it: never more than is asked for. Both may be called from one thread at a time and
+/// The map as registration reads it: never more than is asked for. All may be called from one thread at a time and
 /// give the same bytes every time.
 struct TargetMap {
   /// The static voxels in any of the boxes (and perhaps some around them).
@@ -30,6 +31,8 @@ struct TargetMap {
   std::function<absl::StatusOr<std::vector<std::shared_ptr<const MatchTarget>>>(
       const FacingPoints& source, const std::optional<Eigen::AlignedBox3d>& within)>
       match_targets;
+  /// The whole map from above, for the search of places.
+  std::function<absl::StatusOr<std::shared_ptr<const WallPlan>>()> plan;
 };
 
 /// A map held in memory, described when first asked for.

@@ -10,11 +10,17 @@ namespace mapkeep {
 namespace {
 
 absl::StatusOr<RegistrationTarget> StaticVoxels(const Snapshot& base, std::span<const BlockRange> ranges) {
-  const double voxel_size = base.map().voxel_size;
   const absl::StatusOr<std::vector<BlockKey>> keys = BlocksWithin(base, ranges);
   if (!keys.ok()) return keys.status();
+  return StaticVoxels(base, *keys);
+}
+
+}  // namespace
+
+absl::StatusOr<RegistrationTarget> StaticVoxels(const Snapshot& base, std::span<const BlockKey> keys) {
+  const double voxel_size = base.map().voxel_size;
   RegistrationTarget target{.voxel_size = voxel_size};
-  const auto blocks = ReadBlocks(base, *keys);
+  const auto blocks = ReadBlocks(base, keys);
   if (!blocks.ok()) return blocks.status();
   for (const auto& block : *blocks) {
     for (const Voxel& voxel : block->voxels) {
@@ -25,8 +31,6 @@ absl::StatusOr<RegistrationTarget> StaticVoxels(const Snapshot& base, std::span<
   }
   return target;
 }
-
-}  // namespace
 
 absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(const Snapshot& snapshot,
                                                                      std::span<const BlockKey> keys) {
@@ -41,8 +45,9 @@ absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(const Snaps
   return blocks;
 }
 
-TargetMap TargetOf(const Snapshot& base, const MatcherParameters& parameters) {
+TargetMap TargetOf(const Snapshot& base, PlanCache& plans, const MatcherParameters& parameters) {
   TargetMap map;
+  map.plan = [&base, &plans] { return plans.PlanOf(base); };
   map.points = [&base](std::span<const Eigen::AlignedBox3d> boxes) {
     std::vector<BlockRange> ranges;
     for (const Eigen::AlignedBox3d& box : boxes) ranges.push_back(BlocksOf(box, base.map().voxel_size));

@@ -79,7 +79,7 @@ class Replay {
   Again RunAgain(const CommitRecord& commit) {
     if (absl::Status status = Stage(commit.session); !status.ok()) return status;
     Job job(map_, commit.session, false, 0);
-    const PipelineStores stores{*scratch_maps_, *scratch_sessions_, *scratch_leases_, feed_};
+    const PipelineStores stores{*scratch_maps_, *scratch_sessions_, *scratch_leases_, feed_, plans_};
     if (absl::Status status = RunSession(stores, parameters_, job, 0, commit.base_epoch); !status.ok()) return status;
     auto found = scratch_maps_->FindCommit(map_, commit.session);
     if (!found.ok()) return found.status();
@@ -183,6 +183,7 @@ class Replay {
   std::unique_ptr<SessionStore> scratch_sessions_;
   std::unique_ptr<Leases> scratch_leases_;
   SessionFeed feed_;
+  PlanCache plans_;
   ReplayReport report_;
 };
 

@@ -100,7 +100,11 @@ class SessionRun {
       outline_ = *std::move(outline);
       record_.report.points = outline_.points;
       const bool founds = base_->epoch() == 0 && !base_->map().origin;
-      if (founds) new_origin_ = OriginFor(outline_.poses.front());
+      if (founds) {
+        Pose first = outline_.poses.front();
+        if (record_.initial_pose) first.translation() = Eigen::Vector3d(record_.initial_pose->data());
+        new_origin_ = OriginFor(first);
+      }
       const Eigen::Vector3d origin =
           new_origin_.value_or(base_->map().origin.value_or(Eigen::Vector3d(Eigen::Vector3d::Zero())));
       std::vector<Pose> poses = outline_.poses;
@@ -108,9 +112,20 @@ class SessionRun {
       std::optional<Pose> prior;
       if (record_.initial_pose) {
         const auto& [x, y, z, yaw] = *record_.initial_pose;
-        prior = PriorFrom({x, y, z}, yaw, poses.front());
+        // Relative to the map's origin; a map that has none yet gets one now.
+        const Eigen::Vector3d chosen = new_origin_.value_or(Eigen::Vector3d(Eigen::Vector3d::Zero()));
+        prior = PriorFrom(Eigen::Vector3d(x, y, z) - chosen, yaw, poses.front());
       }
-      return AlignToMap(*base_, scans_, poses, prior, parameters_.align, part(0.3, 0.7));
+      // There is nothing to find it in: it lies where it was said to.
+      if (prior && base_->totals().blocks == 0) {
+        for (Pose& pose : poses) pose = *prior * pose;
+      }
+      std::optional<PositionPrior> position;
+      if (record_.gnss) {
+        position = PositionPrior{Eigen::Vector3d(record_.gnss->data()) - origin,
+                                 Eigen::Map<const Eigen::Matrix3d>(record_.gnss->data() + 3)};
+      }
+      return AlignToMap(*base_, stores_.plans, scans_, poses, prior, position, parameters_.align, part(0.3, 0.7));
     });
     if (!alignment.ok()) return alignment.status();
     record_.report.windows = alignment->windows;

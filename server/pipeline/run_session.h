@@ -10,6 +10,7 @@
 #include "core/geometry/progress.h"
 #include "server/config.h"
 #include "server/pipeline/job_queue.h"
+#include "server/pipeline/plan_cache.h"
 #include "server/pipeline/session_feed.h"
 #include "storage/leases.h"
 #include "storage/map_store.h"
@@ -30,6 +31,7 @@ struct PipelineStores {
   SessionStore& sessions;
   Leases& leases;
   SessionFeed& feed;
+  PlanCache& plans;
   const PipelineEvents* events = nullptr;  ///< nullptr: nobody counts
 };
 

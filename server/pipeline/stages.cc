@@ -7,11 +7,12 @@
 
 namespace mapkeep {
 
-absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, const ScanSource& scans, std::span<const Pose> poses,
-                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
+absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, PlanCache& plans, const ScanSource& scans,
+                                     std::span<const Pose> poses, const std::optional<Pose>& prior,
+                                     const std::optional<PositionPrior>& position, const AlignParameters& parameters,
                                      const Progress& progress) {
   if (base.totals().blocks == 0) return FoundMapFrame(scans, poses, parameters, progress);
-  return AlignSession(scans, poses, TargetOf(base, parameters.matcher), prior, parameters, progress);
+  return AlignSession(scans, poses, TargetOf(base, plans, parameters.matcher), prior, parameters, progress, position);
 }
 
 absl::StatusOr<Removal> CleanAgainstMap(const Snapshot& base, const ScanSource& scans, const SessionOutline& outline,

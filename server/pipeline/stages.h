@@ -13,6 +13,7 @@
 #include "core/registration/aligner.h"
 #include "server/config.h"
 #include "server/pipeline/outline.h"
+#include "server/pipeline/plan_cache.h"
 #include "storage/map_store.h"
 
 namespace mapkeep {
@@ -23,8 +24,9 @@ namespace mapkeep {
 
 /// Stage "align": against the static voxels of `base`, from the `prior` (T_map_session) if there is one; the first
 /// session of a map founds its frame.
-absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, const ScanSource& scans, std::span<const Pose> poses,
-                                     const std::optional<Pose>& prior, const AlignParameters& parameters,
+absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, PlanCache& plans, const ScanSource& scans,
+                                     std::span<const Pose> poses, const std::optional<Pose>& prior,
+                                     const std::optional<PositionPrior>& position, const AlignParameters& parameters,
                                      const Progress& progress);
 
 /// Stage "clean": what moved, with exposures counted for the voxels of `base` that the session's rays can touch.

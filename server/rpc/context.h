@@ -6,6 +6,7 @@
 #include "server/epoch_feed.h"
 #include "server/metrics/call_metrics.h"
 #include "server/pipeline/pipeline.h"
+#include "server/pipeline/plan_cache.h"
 #include "server/pipeline/session_feed.h"
 #include "server/quota/quotas.h"
 #include "server/rpc/gate.h"
@@ -22,6 +23,7 @@ struct ServiceContext {
   SessionStore& sessions;
   SessionFeed& feed;
   Pipeline& pipeline;
+  PlanCache& plans;
   WorkPool& pool;
   WorkPool& staging;  ///< of uploads: gives way to `pool`
   const Config& config;

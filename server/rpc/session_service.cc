@@ -10,6 +10,7 @@
 #include <shared_mutex>
 #include <string>
 
+#include "core/registration/session_search.h"
 #include "server/log.h"
 #include "server/names.h"
 #include "server/rpc/answer.h"
@@ -28,6 +29,35 @@ constexpr int kCommitTries = 10;
 
 v1::Session Described(const ServiceContext& context, const SessionRecord& session) {
   return ToProto(session, context.feed.Progress({session.map, session.id}));
+}
+
+absl::StatusOr<std::array<double, 4>> InitialPoseOf(const v1::InitialPose& given) {
+  const v1::Point& at = given.position();
+  const std::array<double, 4> pose{at.x(), at.y(), at.z(), given.yaw()};
+  if (!std::ranges::all_of(pose, [](double value) { return std::isfinite(value); })) {
+    return absl::InvalidArgumentError("initial_pose: expected finite numbers");
+  }
+  return pose;
+}
+
+absl::StatusOr<std::array<double, 12>> GnssOf(const v1::GnssPosition& given, const MapRecord& map) {
+  if (map.crs.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("gnss: map ", map.name, " has no CRS; give one when the map is made, or an initial pose instead"));
+  }
+  if (given.covariance_size() != 9) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("gnss.covariance: has %d values, expected 9 (3x3)", given.covariance_size()));
+  }
+  std::array<double, 12> gnss{given.position().x(), given.position().y(), given.position().z()};
+  std::copy(given.covariance().begin(), given.covariance().end(), gnss.begin() + 3);
+  if (!std::ranges::all_of(gnss, [](double value) { return std::isfinite(value); })) {
+    return absl::InvalidArgumentError("gnss: expected finite numbers");
+  }
+  if (!IsCovariance(Eigen::Map<const Eigen::Matrix3d>(gnss.data() + 3))) {
+    return absl::InvalidArgumentError("gnss.covariance: expected a symmetric matrix with positive eigenvalues");
+  }
+  return gnss;
 }
 
 }  // namespace
@@ -114,13 +144,24 @@ absl::Status SessionService::Begin(const Call& call, const v1::BeginSessionReque
     return absl::InvalidArgumentError("scan_crc32c: expected one checksum a scan, at least one");
   }
   const std::shared_lock map_stays(context_.map_lifetimes);
-  if (absl::Status status = context_.maps.Find(request.map()).status(); !status.ok()) return status;
+  const absl::StatusOr<MapRecord> map = context_.maps.Find(request.map());
+  if (!map.ok()) return map.status();
   SessionRecord record{.map = request.map(),
                        .id = request.id(),
                        .robot = robot,
                        .keep_scans = request.keep_scans() || context_.config.history.keep_scans,
                        .created = SystemSeconds()};
   record.scan_crc32c.assign(request.scan_crc32c().begin(), request.scan_crc32c().end());
+  if (request.has_initial_pose()) {
+    const auto pose = InitialPoseOf(request.initial_pose());
+    if (!pose.ok()) return pose.status();
+    record.initial_pose = *pose;
+  }
+  if (request.has_gnss()) {
+    const auto gnss = GnssOf(request.gnss(), *map);
+    if (!gnss.ok()) return gnss.status();
+    record.gnss = *gnss;
+  }
   if (absl::Status status = context_.quotas.Begin(record.map, record.id, record.robot); !status.ok()) {
     // One that is there already needs no room.
     if (!context_.sessions.Find(record.map, record.id).ok()) return status;
@@ -187,12 +228,9 @@ absl::Status SessionService::Retry(const Call& call, const v1::RetrySessionReque
     return absl::FailedPreconditionError(absl::StrCat("the scans of session ", session->id, " are gone"));
   }
   if (request.has_initial_pose()) {
-    const v1::Point& at = request.initial_pose().position();
-    const std::array<double, 4> pose{at.x(), at.y(), at.z(), request.initial_pose().yaw()};
-    if (!std::ranges::all_of(pose, [](double value) { return std::isfinite(value); })) {
-      return absl::InvalidArgumentError("initial_pose: expected finite numbers");
-    }
-    session->initial_pose = pose;
+    const auto pose = InitialPoseOf(request.initial_pose());
+    if (!pose.ok()) return pose.status();
+    session->initial_pose = *pose;
   }
   if (absl::Status status = context_.quotas.Queue(*session); !status.ok()) return status;
   session->state = SessionState::kQueued;

@@ -183,7 +183,7 @@ class Suite {
     const ScanSource scans = day.Source();
     if (!*aligned) {
       if (options_.align && number > 0) {
-        auto alignment = AlignToMap(**base, scans, day.poses, std::nullopt, options_.stages.align, {});
+        auto alignment = AlignToMap(**base, plans_, scans, day.poses, std::nullopt, {}, options_.stages.align, {});
         if (!alignment.ok()) return alignment.status();
         if (!alignment->accepted)
           return absl::InternalError(absl::StrFormat("day %d was refused: %s", number + 1, alignment->reason));
@@ -393,6 +393,7 @@ class Suite {
   }
 
   const Options& options_;
+  PlanCache plans_;
   const Street& street_;
   const std::filesystem::path directory_;
   std::unique_ptr<Engine> engine_;

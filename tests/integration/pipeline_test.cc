@@ -160,10 +160,54 @@ TEST(Pipeline, AnotherPlaceIsRefusedAndTheMapStays) {
   ASSERT_THAT(robot.CreateMap("street"), IsOk());
   Merge(robot, "day-1", TwoDays().first);
   const std::string before = BytesOf(robot.Tiles("street", true));
-  const v1::Session lost = Merge(robot, "lost", DriveAlong(Street(), kScans, kSecondDay, {300, 0, 0}));
+  Scene elsewhere = {Street()[0]};
+  for (int i = 0; i < 12; ++i) {
+    const Eigen::Vector3d corner(-25 + 4.3 * i, (i % 3 - 1) * 6.1 + (i % 2 == 0 ? 4 : -9), -0.3);
+    elsewhere.emplace_back(corner, corner + Eigen::Vector3d(2.1 + 0.3 * (i % 4), 1.7, 2.0 + 0.4 * i));
+  }
+  const v1::Session lost = Merge(robot, "lost", DriveAlong(elsewhere, kScans, kSecondDay, {300, 0, 0}));
   EXPECT_EQ(lost.state(), v1::SESSION_STATE_REFUSED);
   EXPECT_FALSE(lost.reason().empty());
   EXPECT_EQ(BytesOf(robot.Tiles("street", true)), before);
+}
+
+TEST(Pipeline, AnInitialPoseAtUploadPlacesTheSessionThatFoundsAMapAndThoseThatFollow) {
+  const DaemonProcess daemon;
+  Robot robot(daemon.listen());
+  ASSERT_THAT(robot.CreateMap("street"), IsOk());
+  const auto upload = [&](const std::string& id, const Drive& drive, const Eigen::Vector3d& at) {
+    const std::vector<WireScan> scans = Wire(drive);
+    v1::BeginSessionRequest request;
+    v1::BeginSessionResponse response;
+    request.set_map("street");
+    request.set_id(id);
+    for (const WireScan& scan : scans) request.add_scan_crc32c(scan.header.crc32c());
+    request.mutable_initial_pose()->mutable_position()->set_x(at.x());
+    request.mutable_initial_pose()->mutable_position()->set_y(at.y());
+    request.mutable_initial_pose()->mutable_position()->set_z(at.z());
+    EXPECT_THAT(robot.sessions().BeginSession(Robot::Call().get(), request, &response), IsOk());
+    EXPECT_THAT(robot.Send("street", id, scans), IsOk());
+    EXPECT_THAT(robot.Commit("street", id), IsOk());
+    return robot.Watch("street", id);
+  };
+  const auto first_pose = [&](const std::string& id) {
+    v1::ListScanPosesRequest request;
+    v1::ListScanPosesResponse response;
+    request.set_map("street");
+    request.set_id(id);
+    EXPECT_THAT(robot.sessions().ListScanPoses(Robot::Call().get(), request, &response), IsOk());
+    return response.poses_size() == 0
+               ? Eigen::Vector3d(Eigen::Vector3d::Zero())
+               : Eigen::Vector3d(response.poses(0).rows(3), response.poses(0).rows(7), response.poses(0).rows(11));
+  };
+  const Eigen::Vector3d start(120, -40, 3);
+  const v1::Session founder = upload("day-1", TwoDays().first, start);
+  ASSERT_EQ(founder.state(), v1::SESSION_STATE_COMMITTED) << founder.reason();
+  EXPECT_LT((first_pose("day-1") - start).norm(), 0.1);
+  // The next day's is only roughly known.
+  const v1::Session second = upload("day-2", TwoDays().second, start + Eigen::Vector3d(0.6, -0.5, 0.2));
+  ASSERT_EQ(second.state(), v1::SESSION_STATE_COMMITTED) << second.reason();
+  EXPECT_LT((first_pose("day-2") - start).norm(), 0.1);
 }
 
 TEST(Pipeline, AFirstSessionFarFromZeroSetsTheOrigin) {

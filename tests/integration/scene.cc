@@ -34,6 +34,11 @@ Scene Street() {
       BoxOf(-30, 13, -0.3, 30, 14, 6),    // walls
       BoxOf(-30, -20, -0.3, 30, -19, 6), BoxOf(-31, -20, -0.3, -30, 14, 6), BoxOf(30, -20, -0.3, 31, 14, 6),
   };
+  // What stands on one side only, so that the street turned about does not look like itself.
+  scene.push_back(BoxOf(-29, -19, -0.3, -18, -11, 5));  // a house
+  scene.push_back(BoxOf(-8, -17, -0.3, -5, -9, 3));     // a shed
+  scene.push_back(BoxOf(14, -19, -0.3, 15, -12, 2.5));  // a wall across the yard
+  scene.push_back(BoxOf(22, 6, -0.3, 27, 8, 4));        // a stall
   for (int i = 0; i < 5; ++i) scene.push_back(BoxOf(-24 + 11 * i, 9, -0.3, -23.2 + 11 * i, 9.8, 4));
   return scene;
 }

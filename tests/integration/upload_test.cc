@@ -136,6 +136,33 @@ TEST_F(Uploads, DamageOnTheWayIsDataLoss) {
   EXPECT_THAT(robot_.Send("site", "damaged", {scans[1]}), IsOk());
 }
 
+TEST_F(Uploads, WhatIsKnownOfThePlaceIsCheckedWhenASessionBegins) {
+  const auto scans = Wire(ShortDrive(2));
+  v1::BeginSessionRequest request;
+  v1::BeginSessionResponse response;
+  request.set_map("site");
+  request.set_id("placed");
+  for (const WireScan& scan : scans) request.add_scan_crc32c(scan.header.crc32c());
+  const auto begin = [&] { return robot_.sessions().BeginSession(Robot::Call().get(), request, &response); };
+  request.mutable_initial_pose()->set_yaw(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_THAT(begin(), FailsWith(StatusCode::INVALID_ARGUMENT, {"initial_pose", "finite"}));
+  request.clear_initial_pose();
+  request.mutable_gnss()->mutable_position()->set_x(691'234);
+  EXPECT_THAT(begin(), FailsWith(StatusCode::INVALID_ARGUMENT, {"gnss", "site", "no CRS"}));
+
+  v1::CreateMapRequest create;
+  v1::CreateMapResponse created;
+  create.set_name("surveyed");
+  create.set_crs("EPSG:25832");
+  ASSERT_THAT(robot_.maps().CreateMap(Robot::Call().get(), create, &created), IsOk());
+  request.set_map("surveyed");
+  EXPECT_THAT(begin(), FailsWith(StatusCode::INVALID_ARGUMENT, {"gnss.covariance", "0 values", "9"}));
+  for (int i = 0; i < 9; ++i) request.mutable_gnss()->add_covariance(1);
+  EXPECT_THAT(begin(), FailsWith(StatusCode::INVALID_ARGUMENT, {"gnss.covariance", "positive"}));
+  for (int i = 0; i < 9; ++i) request.mutable_gnss()->set_covariance(i, i % 4 == 0 ? 4 : 0);
+  EXPECT_THAT(begin(), IsOk());
+}
+
 TEST_F(Uploads, OneIdIsOneContent) {
   ASSERT_THAT(Upload("same", Wire(ShortDrive(2))), IsOk());
   EXPECT_THAT(robot_.Begin("site", "same", Wire(ShortDrive(2, 7))), FailsWith(StatusCode::ALREADY_EXISTS, {"same"}));

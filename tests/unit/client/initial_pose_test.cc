@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
-#include <vector>
 
 #include "client/cli/arguments.h"
 
@@ -12,7 +11,9 @@ namespace {
 TEST(InitialPose, IsMetresAndDegrees) {
   const auto start = ParseInitialPose("--initial-pose", "1,-2.5,3,90");
   ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_EQ(start->position, Eigen::Vector3d(1, -2.5, 3));
+  EXPECT_EQ(start->x, 1);
+  EXPECT_EQ(start->y, -2.5);
+  EXPECT_EQ(start->z, 3);
   EXPECT_NEAR(start->yaw, std::numbers::pi / 2, 1e-12);
   for (const char* text : {"", "1,2,3", "1,2,3,4,5", "1,2,x,4", "1,2,nan,4"}) {
     EXPECT_THAT(std::string(ParseInitialPose("--initial-pose", text).status().message()),
@@ -21,15 +22,14 @@ TEST(InitialPose, IsMetresAndDegrees) {
   }
 }
 
-TEST(InitialPose, MovesTheTrajectoryAndKeepsItsShapeAndTilt) {
-  const Pose tilt(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()));
-  std::vector<Pose> poses = {Eigen::Translation3d(5, 5, 1) * tilt, Eigen::Translation3d(6, 5, 1) * tilt};
-  const Pose step = poses[0].inverse() * poses[1];
-  BeginAt({.position = {10, 0, 2}, .yaw = std::numbers::pi / 2}, poses);
-  EXPECT_TRUE(poses[0].translation().isApprox(Eigen::Vector3d(10, 0, 2), 1e-12));
-  EXPECT_TRUE(poses[1].translation().isApprox(Eigen::Vector3d(10, 1, 2), 1e-12)) << "a step ahead now leads along y";
-  EXPECT_TRUE((poses[0].inverse() * poses[1]).isApprox(step, 1e-12));
-  EXPECT_NEAR(poses[0].linear()(2, 0), tilt.linear()(2, 0), 1e-12);
+TEST(Gnss, IsAPlaceAndTwoDeviations) {
+  const auto gnss = ParseGnss("--gnss", "500010,4600020,41.5,2,5");
+  ASSERT_TRUE(gnss.ok()) << gnss.status();
+  EXPECT_EQ(gnss->x, 500010);
+  EXPECT_EQ(gnss->level_sigma, 2);
+  EXPECT_EQ(gnss->height_sigma, 5);
+  EXPECT_THAT(std::string(ParseGnss("--gnss", "1,2,3,4").status().message()), testing::HasSubstr("SIGMA_LEVEL"));
+  EXPECT_THAT(std::string(ParseGnss("--gnss", "1,2,3,0,4").status().message()), testing::HasSubstr("above 0"));
 }
 
 }  // namespace

@@ -46,6 +46,22 @@ Scene StreetOf(double from, double to) {
   return scene;
 }
 
+Scene VariedStreetOf(double from, double to) {
+  Scene scene = CorridorOf(from, to);
+  std::mt19937 random(17);
+  const auto any = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
+  };
+  for (double x = from + 2; x + 6 < to; x += any(3, 8)) {
+    const double side = random() % 2 == 0 ? 8 : -8, width = any(1, 5), height = any(2, 7);
+    const double front = side - std::copysign(any(0.7, 3.5), side);
+    scene.push_back(Wall(x, side, x, front, height));
+    scene.push_back(Wall(x, front, x + width, front, height));
+    scene.push_back(Wall(x + width, front, x + width, side, height));
+  }
+  return scene;
+}
+
 std::vector<Eigen::Vector3d> SampleOf(const Scene& scene, double per_square_metre, std::mt19937& random) {
   std::vector<Eigen::Vector3d> points;
   for (const Rectangle& rectangle : scene) {
@@ -63,6 +79,20 @@ RegistrationTarget TargetOf(const Scene& scene) {
       target.points.push_back(point);
       target.normals.push_back(normal);
     });
+  }
+  return target;
+}
+
+RegistrationTarget FacingStreet(RegistrationTarget target) {
+  const size_t count = target.points.size();
+  for (size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3d point = target.points[i], normal = target.normals[i];
+    if (std::abs(normal.x()) > 0.9) {  // across the street: nothing hides anything here, so it is seen from both sides
+      target.points.push_back(point);
+      target.normals.push_back(-normal);
+    } else if (normal.dot(Eigen::Vector3d(point.x(), 0, 1.8) - point) < 0) {
+      target.normals[i] = -normal;
+    }
   }
   return target;
 }

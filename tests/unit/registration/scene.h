@@ -19,6 +19,9 @@ using Scene = std::vector<Rectangle>;
 /// A street along x from `from` to `to` metres, 16 m wide: ground, facades with porches every 9 m of changing depth.
 Scene StreetOf(double from, double to);
 
+/// The same with porches of any width, depth and height at any distance: no part looks like another.
+Scene VariedStreetOf(double from, double to);
+
 /// Two endless walls and a ground: nothing tells where along x one is.
 Scene CorridorOf(double from, double to);
 
@@ -27,6 +30,9 @@ std::vector<Eigen::Vector3d> SampleOf(const Scene& scene, double per_square_metr
 
 /// The map of a scene: points 0.2 m apart on average, with their normals.
 RegistrationTarget TargetOf(const Scene& scene);
+
+/// The same with the normals turned towards the middle of the street, as a map stores them.
+RegistrationTarget FacingStreet(RegistrationTarget target);
 
 /// What a sensor sees from each of the poses within 25 m: every scan a sample of its own.
 std::vector<Scan> ScansOf(const Scene& scene, const std::vector<Pose>& poses);

@@ -1,0 +1,89 @@
+#include "server/pipeline/plan_cache.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <utility>
+
+#include "server/pipeline/map_target.h"
+#include "server/pipeline/parallel.h"
+
+namespace mapkeep {
+namespace {
+
+size_t BytesOf(const PlanPart& part, const std::string& state) {
+  return part.walls.size() * sizeof(PlanWall) + part.floors.size() * sizeof(PlanFloor) + 2 * state.size() + 128;
+}
+
+// Two contents of a tile never share it.
+std::string StateOf(const Snapshot& map, const TileEntry& tile) {
+  return absl::StrCat(map.map().incarnation, " ", static_cast<uint64_t>(tile.key), " ", tile.version.attempt, " ",
+                      tile.version.round);
+}
+
+absl::StatusOr<PlanPart> PlanOfTile(const Snapshot& map, TileKey tile) {
+  const absl::StatusOr<std::vector<BlockKey>> keys = map.BlocksOf(tile);
+  if (!keys.ok()) return keys.status();
+  const absl::StatusOr<RegistrationTarget> voxels = StaticVoxels(map, *keys);
+  if (!voxels.ok()) return voxels.status();
+  return mapkeep::PlanOf(voxels->points, voxels->normals);
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot& map) {
+  const std::string epoch = absl::StrCat(map.map().incarnation, " ", map.epoch());
+  {
+    const std::lock_guard lock(mutex_);
+    if (newest_ && newest_state_ == epoch) return newest_;
+  }
+  const absl::StatusOr<std::vector<TileEntry>> tiles = map.TileEntries({});
+  if (!tiles.ok()) return tiles.status();
+  std::vector<std::shared_ptr<const PlanPart>> parts(tiles->size());
+  const absl::Status status = ParallelFor(tiles->size(), [&](size_t i) -> absl::Status {
+    const TileEntry& tile = (*tiles)[i];
+    const std::string state = StateOf(map, tile);
+    parts[i] = Find(state);
+    if (parts[i]) return absl::OkStatus();
+    absl::StatusOr<PlanPart> made = PlanOfTile(map, tile.key);
+    if (!made.ok()) return made.status();
+    parts[i] = std::make_shared<const PlanPart>(*std::move(made));
+    Keep(state, parts[i]);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  auto plan = std::make_shared<const WallPlan>(parts);
+  const std::lock_guard lock(mutex_);
+  newest_state_ = epoch;
+  newest_ = plan;
+  return plan;
+}
+
+size_t PlanCache::made() const {
+  const std::lock_guard lock(mutex_);
+  return made_;
+}
+
+std::shared_ptr<const PlanPart> PlanCache::Find(const std::string& state) {
+  const std::lock_guard lock(mutex_);
+  const auto found = parts_.find(state);
+  if (found == parts_.end()) return nullptr;
+  used_.splice(used_.begin(), used_, found->second.use);
+  return found->second.part;
+}
+
+void PlanCache::Keep(const std::string& state, std::shared_ptr<const PlanPart> part) {
+  const std::lock_guard lock(mutex_);
+  ++made_;
+  if (parts_.contains(state)) return;  // made twice at once: both are equal
+  bytes_ += BytesOf(*part, state);
+  used_.push_front(state);
+  parts_.emplace(state, Entry{std::move(part), used_.begin()});
+  while (bytes_ > most_bytes_ && used_.size() > 1) {
+    const auto last = parts_.find(used_.back());
+    bytes_ -= BytesOf(*last->second.part, last->first);
+    parts_.erase(last);
+    used_.pop_back();
+  }
+}
+
+}  // namespace mapkeep

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "core/registration/wall_plan.h"
+#include "storage/map_store.h"
+
+namespace mapkeep {
+
+/// Plans of maps (core/registration/wall_plan.h), made once for each state of a tile and kept in memory across sessions
+/// and epochs: what a commit left alone is not looked at again. They are not stored: a daemon that starts makes them
+/// when they are first asked for. Thread-safe.
+class PlanCache {
+ public:
+  /// Keeps about `most_bytes` of tiles, those asked for last.
+  explicit PlanCache(size_t most_bytes = size_t{256} << 20) : most_bytes_(most_bytes) {}
+
+  /// The plan of a state of a map. Errors of the store are passed on.
+  absl::StatusOr<std::shared_ptr<const WallPlan>> PlanOf(const Snapshot& map);
+
+  /// Tiles that were made, rather than found, since the start.
+  size_t made() const;
+
+ private:
+  struct Entry {
+    std::shared_ptr<const PlanPart> part;
+    std::list<std::string>::iterator use;
+  };
+
+  std::shared_ptr<const PlanPart> Find(const std::string& state);
+  void Keep(const std::string& state, std::shared_ptr<const PlanPart> part);
+
+  const size_t most_bytes_;
+  mutable std::mutex mutex_;
+  std::unordered_map<std::string, Entry> parts_;
+  std::list<std::string> used_;  ///< last first
+  size_t bytes_ = 0, made_ = 0;
+  std::string newest_state_;  ///< what `newest_` was made of
+  std::shared_ptr<const WallPlan> newest_;
+};
+
+}  // namespace mapkeep
