@@ -44,6 +44,7 @@ struct Stores {
   std::unique_ptr<SessionStore> sessions;
   std::unique_ptr<Leases> leases;
   SessionFeed feed;
+  PlanCache plans;
 };
 
 // Uploads frames [first, last) as a session and queues it, as CommitSession does.
@@ -64,7 +65,7 @@ void RunAndPrint(Stores& stores, const std::string& id) {
   const auto began = SteadyClock::now();
   Job job("m", id, false, 0);
   const Lease lease = Require(stores.leases->Acquire("m", id, "bench", 600));
-  Require(RunSession({*stores.maps, *stores.sessions, *stores.leases, stores.feed}, {}, job, lease.fence));
+  Require(RunSession({*stores.maps, *stores.sessions, *stores.leases, stores.feed, stores.plans}, {}, job, lease.fence));
   Require(stores.leases->Release(lease));
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - began).count();
   const SessionRecord done = Require(stores.sessions->Find("m", id));
