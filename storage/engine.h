@@ -94,6 +94,15 @@ class Engine {
   /// NOT_FOUND if it was never written or is deleted.
   virtual absl::StatusOr<std::string> GetValue(std::string_view group, std::string_view key) const = 0;
 
+  /// GetValue of several keys of a group, each with its own answer, in their order: together where an engine can.
+  virtual std::vector<absl::StatusOr<std::string>> GetValues(std::string_view group,
+                                                             std::span<const std::string> keys) const {
+    std::vector<absl::StatusOr<std::string>> values;
+    values.reserve(keys.size());
+    for (const std::string& key : keys) values.push_back(GetValue(group, key));
+    return values;
+  }
+
   /// Deleting what is not there is fine.
   virtual absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) = 0;
 

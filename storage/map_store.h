@@ -95,6 +95,9 @@ class Snapshot final {
   /// Likewise with their versions; reads no block.
   absl::StatusOr<std::vector<BlockEntry>> BlockEntries(TileKey tile) const;
 
+  /// The blocks of a tile, in order of key, looked up and read together: sooner than BlocksOf and Read of each.
+  absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadTile(TileKey tile) const;
+
   /// Blocks that were written anew, made or deleted between two epochs of one map, in order; those with equal content
   /// may be among them. INVALID_ARGUMENT if the other one is of another map.
   absl::StatusOr<std::vector<BlockKey>> BlocksChangedSince(const Snapshot& before) const;

@@ -16,13 +16,16 @@ std::string Describe(const ValueName& name) {
   return Text("block (", block.x, ", ", block.y, ", ", block.z, ")");
 }
 
-/// A value that a tree names must be there, and whole.
+/// Why a value could not be read: one that a tree names must be there, and whole.
+absl::Status Explain(const absl::Status& status, const ValueName& name) {
+  if (absl::IsNotFound(status)) return absl::DataLossError(Text(Describe(name), " is missing"));
+  if (absl::IsDataLoss(status)) return absl::DataLossError(Text(Describe(name), ": ", FromAbsl(status.message())));
+  return status;
+}
+
 absl::StatusOr<std::string> ReadValue(const Engine& engine, uint64_t incarnation, const ValueName& name) {
   absl::StatusOr<std::string> value = engine.GetValue(GroupOf(incarnation, name), KeyOf(name));
-  if (absl::IsNotFound(value.status())) return absl::DataLossError(Text(Describe(name), " is missing"));
-  if (absl::IsDataLoss(value.status())) {
-    return absl::DataLossError(Text(Describe(name), ": ", FromAbsl(value.status().message())));
-  }
+  if (!value.ok()) return Explain(value.status(), name);
   return value;
 }
 
@@ -32,11 +35,38 @@ absl::StatusOr<std::shared_ptr<const Block>> MapValues::ReadBlock(const ValueNam
   if (std::shared_ptr<const Block> cached = caches_.blocks.Find({incarnation_, name})) return cached;
   const absl::StatusOr<std::string> value = ReadValue(engine_, incarnation_, name);
   if (!value.ok()) return value.status();
-  absl::StatusOr<Block> block = DecodeBlock(*value, BlockKey{name.place});
+  return Decode(name, *value);
+}
+
+absl::StatusOr<std::shared_ptr<const Block>> MapValues::Decode(const ValueName& name, std::string_view value) const {
+  absl::StatusOr<Block> block = DecodeBlock(value, BlockKey{name.place});
   if (!block.ok()) return block.status();
   auto read = std::make_shared<const Block>(*std::move(block));
   Remember(name, read);
   return read;
+}
+
+absl::StatusOr<std::vector<std::shared_ptr<const Block>>> MapValues::ReadBlocks(
+    std::span<const ValueName> names) const {
+  std::vector<std::shared_ptr<const Block>> blocks(names.size());
+  std::vector<size_t> missing;
+  std::vector<std::string> keys;
+  for (size_t i = 0; i < names.size(); ++i) {
+    blocks[i] = caches_.blocks.Find({incarnation_, names[i]});
+    if (blocks[i] != nullptr) continue;
+    missing.push_back(i);
+    keys.push_back(KeyOf(names[i]));
+  }
+  if (missing.empty()) return blocks;
+  const auto values = engine_.GetValues(GroupOf(incarnation_, names.front()), keys);
+  for (size_t m = 0; m < missing.size(); ++m) {
+    const ValueName& name = names[missing[m]];
+    if (!values[m].ok()) return Explain(values[m].status(), name);
+    auto block = Decode(name, *values[m]);
+    if (!block.ok()) return block.status();
+    blocks[missing[m]] = *std::move(block);
+  }
+  return blocks;
 }
 
 absl::StatusOr<std::shared_ptr<const TreeNode>> MapValues::ReadNode(const ValueName& name) const {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "core/voxels/block.h"
 #include "storage/byte_cache.h"
@@ -34,6 +35,8 @@ class MapValues final {
 
   uint64_t incarnation() const { return incarnation_; }
   absl::StatusOr<std::shared_ptr<const Block>> ReadBlock(const ValueName& name) const;
+  /// Likewise several blocks of one tile, in their order; those that are not cached are read together.
+  absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(std::span<const ValueName> names) const;
   absl::StatusOr<std::shared_ptr<const TreeNode>> ReadNode(const ValueName& name) const;
 
   /// Puts what was just written where the next reader looks.
@@ -41,6 +44,8 @@ class MapValues final {
   void Remember(const ValueName& name, std::shared_ptr<const TreeNode> node) const;
 
  private:
+  absl::StatusOr<std::shared_ptr<const Block>> Decode(const ValueName& name, std::string_view value) const;
+
   const Engine& engine_;
   MapCaches& caches_;
   const uint64_t incarnation_;

@@ -159,6 +159,18 @@ std::vector<Batch> BatchesOf(std::string_view group, std::span<const ImmutableVa
 using Completion = std::unique_ptr<librados::AioCompletion>;
 Completion NewCompletion() { return Completion(librados::Rados::aio_create_completion()); }
 
+/// Several values of one object, on their way.
+struct ObjectRead {
+  struct Part {
+    size_t value = 0;  ///< which of those asked for
+    Place place;
+    bufferlist data;
+  };
+  std::vector<Part> parts;
+  Completion done = NewCompletion();
+  int code = 0;
+};
+
 class RadosEngine final : public Engine {
  public:
   RadosEngine(std::unique_ptr<librados::Rados> cluster, librados::IoCtx io)
@@ -257,6 +269,54 @@ class RadosEngine final : public Engine {
     if (code < 0) return FromRados(code, Direction::kRead, what);
     if (data.length() != place->length) return absl::DataLossError(Text(what, ": its object is too short"));
     return data.to_str();
+  }
+
+  /// One look into the index, then one read an object, all at once.
+  std::vector<absl::StatusOr<std::string>> GetValues(std::string_view group,
+                                                     std::span<const std::string> keys) const override {
+    const std::string what = Describe("read values", group);
+    std::set<std::string> rows;
+    for (const std::string& key : keys) rows.insert(Text(kValue, key));
+    const absl::StatusOr<Rows> places = GetRows(IndexObject(group), rows, what);
+    if (!places.ok()) return {keys.size(), absl::StatusOr<std::string>(places.status())};
+    std::vector<absl::StatusOr<std::string>> values(keys.size(), absl::NotFoundError(what));
+    std::map<std::string, ObjectRead> reads;
+    for (size_t i = 0; i < keys.size(); ++i) {
+      const auto row = places->find(Text(kValue, keys[i]));
+      if (row == places->end()) continue;
+      const absl::StatusOr<Place> place = DecodePlace(row->second);
+      if (!place.ok()) {
+        values[i] = place.status();
+      } else if (place->length == 0) {
+        values[i] = std::string();
+      } else {
+        reads[place->batch].parts.push_back({i, *place, {}});
+      }
+    }
+    librados::IoCtx io = io_;
+    for (auto& [batch, read] : reads) {
+      librados::ObjectReadOperation operation;
+      for (ObjectRead::Part& part : read.parts) {
+        operation.read(part.place.offset, part.place.length, &part.data, nullptr);
+      }
+      read.code = io.aio_operate(BatchObject(group, batch), read.done.get(), &operation, nullptr);
+    }
+    for (auto& [batch, read] : reads) {
+      if (read.code >= 0) {
+        read.done->wait_for_complete();
+        read.code = read.done->get_return_value();
+      }
+      for (const ObjectRead::Part& part : read.parts) {
+        if (read.code < 0) {
+          values[part.value] = FromRados(read.code, Direction::kRead, what);
+        } else if (part.data.length() != part.place.length) {
+          values[part.value] = absl::DataLossError(Text(what, ": an object is too short"));
+        } else {
+          values[part.value] = part.data.to_str();
+        }
+      }
+    }
+    return values;
   }
 
   absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {

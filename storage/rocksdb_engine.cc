@@ -176,6 +176,30 @@ class RocksDbEngine final : public Engine {
     return value;
   }
 
+  /// One look at the memory, the indices and the filters for all of them.
+  std::vector<absl::StatusOr<std::string>> GetValues(std::string_view group,
+                                                     std::span<const std::string> keys) const override {
+    std::vector<std::string> full;
+    full.reserve(keys.size());
+    for (const std::string& key : keys) full.push_back(KeyOf(group, key));
+    const std::vector<rocksdb::Slice> slices(full.begin(), full.end());
+    std::vector<rocksdb::PinnableSlice> found(keys.size());
+    std::vector<rocksdb::Status> statuses(keys.size());
+    db_->MultiGet({}, values_, keys.size(), slices.data(), found.data(), statuses.data());
+    std::vector<absl::StatusOr<std::string>> values;
+    values.reserve(keys.size());
+    for (size_t i = 0; i < keys.size(); ++i) {
+      if (statuses[i].ok()) {
+        values.emplace_back(found[i].ToString());
+      } else if (statuses[i].IsNotFound()) {  // or it is a large one
+        values.push_back(GetValue(group, keys[i]));
+      } else {
+        values.emplace_back(FromRocksDb(statuses[i], Describe("read value", group, keys[i])));
+      }
+    }
+    return values;
+  }
+
   absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {
     if (absl::Status status = CheckName(group); !status.ok()) return status;
     rocksdb::WriteBatch batch;

@@ -153,6 +153,19 @@ absl::StatusOr<std::vector<BlockEntry>> Snapshot::BlockEntries(TileKey tile) con
   return blocks;
 }
 
+absl::StatusOr<std::vector<std::shared_ptr<const Block>>> Snapshot::ReadTile(TileKey tile) const {
+  const absl::StatusOr<std::vector<BlockEntry>> entries = BlockEntries(tile);
+  if (!entries.ok()) return entries.status();
+  std::vector<ValueName> names;
+  names.reserve(entries->size());
+  for (const BlockEntry& entry : *entries) {
+    names.push_back({ValueKind::kBlock, static_cast<uint64_t>(entry.key), entry.version});
+  }
+  absl::StatusOr<std::vector<std::shared_ptr<const Block>>> blocks = state_->values.ReadBlocks(names);
+  if (!blocks.ok()) return Explain(*state_, blocks.status());
+  return blocks;
+}
+
 absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksChangedSince(const Snapshot& before) const {
   const State& old = *before.state_;
   if (old.map.incarnation != state_->map.incarnation) {

@@ -65,6 +65,7 @@ class MeteredEngine final : public Engine {
         compare_and_set_(registry, "compare_and_set"),
         put_values_(registry, "put_values"),
         get_value_(registry, "get_value"),
+        get_values_(registry, "get_values"),
         delete_values_(registry, "delete_values"),
         scan_keys_(registry, "scan_value_keys"),
         sync_(registry, "sync"),
@@ -126,6 +127,21 @@ class MeteredEngine final : public Engine {
     return value;
   }
 
+  /// One call, however many values.
+  std::vector<absl::StatusOr<std::string>> GetValues(std::string_view group,
+                                                     std::span<const std::string> keys) const override {
+    const auto began = steady_clock::now();
+    auto values = engine_->GetValues(group, keys);
+    size_t bytes = 0;
+    absl::Status failed;
+    for (const auto& value : values) {
+      if (value.ok()) bytes += value->size();
+      if (!value.ok() && (failed.ok() || absl::IsNotFound(failed))) failed = value.status();
+    }
+    get_values_.Took(began, failed, bytes);
+    return values;
+  }
+
   absl::Status DeleteValues(std::string_view group, std::span<const std::string> keys) override {
     return Timed(delete_values_, 0, [&] { return engine_->DeleteValues(group, keys); });
   }
@@ -153,8 +169,8 @@ class MeteredEngine final : public Engine {
   }
 
   const std::unique_ptr<Engine> engine_;
-  mutable Meter get_, scan_, write_, compare_and_set_, put_values_, get_value_, delete_values_, scan_keys_, sync_,
-      checkpoint_;
+  mutable Meter get_, scan_, write_, compare_and_set_, put_values_, get_value_, get_values_, delete_values_, scan_keys_,
+      sync_, checkpoint_;
 };
 
 }  // namespace

@@ -65,19 +65,16 @@ std::string VersionOf(const TileEntry& entry) {
 absl::StatusOr<v1::MapTile> MakeTile(const Snapshot& snapshot, const TileEntry& entry, v1::TileDetail detail,
                                      double eta) {
   v1::MapTile tile = WithoutVoxels(snapshot, entry);
-  const absl::StatusOr<std::vector<BlockKey>> keys = snapshot.BlocksOf(entry.key);
-  if (!keys.ok()) return keys.status();
+  const absl::StatusOr<std::vector<std::shared_ptr<const Block>>> blocks = snapshot.ReadTile(entry.key);
+  if (!blocks.ok()) return blocks.status();
   const auto voxels = static_cast<int>(entry.totals.static_voxels);
   tile.mutable_layers()->Reserve(voxels);
   if (detail == v1::TILE_DETAIL_SUB_VOXELS) tile.mutable_masks()->Reserve(voxels);
   Columns columns;
-  for (const BlockKey key : *keys) {
-    const absl::StatusOr<std::shared_ptr<const Block>> block = snapshot.Read(key);
-    if (!block.ok()) return block.status();
-    if (*block == nullptr) continue;
-    for (const Voxel& voxel : (*block)->voxels) {
+  for (const std::shared_ptr<const Block>& block : *blocks) {
+    for (const Voxel& voxel : block->voxels) {
       if (!voxel.is_static) continue;
-      Append(VoxelIndexOf(VoxelKeyOf(key, voxel.position)), voxel, eta, columns, tile);
+      Append(VoxelIndexOf(VoxelKeyOf(block->key, voxel.position)), voxel, eta, columns, tile);
       if (detail == v1::TILE_DETAIL_SUB_VOXELS) tile.add_masks(voxel.mask);
     }
   }

@@ -96,12 +96,10 @@ absl::StatusOr<uint16_t> EpochTilesReader::NewestDay(const Snapshot& snapshot) c
     }
     uint32_t newest = 0;
     for (const TileKey tile : commit.touched_tiles) {
-      const auto blocks = snapshot.BlocksOf(tile);
+      const auto blocks = snapshot.ReadTile(tile);
       if (!blocks.ok()) return blocks.status();
-      for (const BlockKey key : *blocks) {
-        const auto block = snapshot.Read(key);
-        if (!block.ok()) return block.status();
-        for (const Voxel& voxel : (*block)->voxels) newest = std::max(newest, voxel.last_seen);
+      for (const auto& block : *blocks) {
+        for (const Voxel& voxel : block->voxels) newest = std::max(newest, voxel.last_seen);
       }
     }
     return static_cast<uint16_t>(std::min<uint32_t>(newest / kMinutesADay, UINT16_MAX));

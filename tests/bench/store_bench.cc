@@ -1,8 +1,9 @@
 // store_bench DIR [--rados CEPH_CONF POOL | --most COPIES | --memory | --drive KITTI_DIR]
-// The map store under a session of fixed size while the map around it grows: seconds of merge, filter and durable
-// commit at 1x, 10x, 50x and 200x the session's area (RADOS: to 50x), tiles read at an old epoch and at the head, the
-// head after 1,000 epochs, opening the store, bytes a voxel. The blocks are made up: ground of random detail, which
-// compresses worse than a real street. DIR is made and removed. Ratios are of one run. --memory
+// The map store under a session of fixed size whatever the map around it: seconds of merge, filter and durable commit
+// into maps of 1x, 10x, 50x and 200x the session's area (RADOS: to 50x), each in a store of its own, in turns, so that
+// what else the machine does falls on all of them alike; tiles read at an old epoch and at the head, the head after
+// 1,000 epochs, opening the store, bytes a voxel. The blocks are made up: ground of random detail, which compresses
+// worse than a real street. DIR is made and removed. Ratios are of one run. --memory
 // writes and reads maps of two sizes with small caches and fails if the larger one takes more memory. With --drive,
 // real sessions go through the whole pipeline instead: see store_bench_session.h.
 
@@ -28,7 +29,7 @@ namespace mapkeep {
 namespace {
 
 constexpr int kBlocksAlong = 24;  // of the session's square of blocks: 154 m, as many voxels as a drive of KITTI
-constexpr int kRuns = 7;
+constexpr int kRuns = 15;
 constexpr int kReadRuns = 41;
 constexpr double kVoxelSize = 0.2;
 constexpr size_t kSmallCache = size_t{8} << 20;  // bytes, of --memory
@@ -97,6 +98,15 @@ SessionMap SessionOver(const std::vector<Block>& blocks, uint32_t minutes) {
   return session;
 }
 
+void PrintBytes() {
+  size_t bytes = 0, voxels = 0;
+  for (const Block& block : Area(0)) {
+    bytes += Require(EncodeBlock(block)).size();
+    voxels += block.voxels.size();
+  }
+  std::printf("made-up blocks: %.1f bytes a voxel\n", static_cast<double>(bytes) / static_cast<double>(voxels));
+}
+
 // Resident memory of this process, MiB.
 double ResidentMib() {
   std::ifstream file("/proc/self/statm");
@@ -105,38 +115,46 @@ double ResidentMib() {
   return pages * static_cast<double>(::sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
+// A store with one map of so many squares.
 class Bench {
  public:
+  // Of all threads together; the CPU time does not depend on what else the machine does.
+  struct Spent {
+    double seconds = 0, cpu_seconds = 0, merge_seconds = 0;
+  };
+
   Bench(std::function<std::unique_ptr<Engine>()> open, int most_copies, const MapStoreOptions& options = {})
       : open_(std::move(open)), most_copies_(most_copies), options_(options) {
     Open();
     Require(maps_->Create({.name = "m", .voxel_size = kVoxelSize}));
   }
 
-  void Run() {
-    for (const int copies : {1, 10, 50, 200}) {
-      if (copies > most_copies_) break;
-      GrowTo(copies);
-      std::vector<double> seconds, cpu_seconds;
-      for (int run = 0; run < kRuns; ++run) {
-        const Spent spent = CommitSession();
-        seconds.push_back(spent.seconds);
-        cpu_seconds.push_back(spent.cpu_seconds);
-      }
-      const double median = Median(seconds);
-      const double cpu = Median(cpu_seconds);
-      if (copies == 1) {
-        first_ = median;
-        first_cpu_ = cpu;
-      }
-      const auto head = Require(maps_->Open("m"));
-      std::printf(
-          "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x; merge and filter %.1f; CPU %.1f, %.2f of 1x), "
-          "%.2f million voxels/s merged\n",
-          copies, static_cast<unsigned long long>(head->totals().voxels), 1e3 * median, median / first_,
-          1e3 * merge_seconds_, 1e3 * cpu, cpu / first_cpu_,
-          1e-6 * static_cast<double>(session_.voxels.size()) / median);
-    }
+  void Grow() { GrowTo(most_copies_); }
+
+  int copies() const { return copies_; }
+  uint64_t voxels() const { return Require(maps_->Open("m"))->totals().voxels; }
+  size_t session_voxels() const { return session_.voxels.size(); }
+
+  Spent CommitSession() {
+    session_ = SessionOver(Area(0), 1000 + commits_);
+    const auto base = Require(maps_->Open("m"));
+    const ScanSource none{0, {}};
+    const MergeInput input{*base, session_, none, {}, {}, {}};
+    double merge_seconds = 0;
+    const auto began = Clock::now();
+    const std::clock_t cpu = std::clock();
+    Commit([&](const Snapshot& head) -> absl::StatusOr<std::vector<Block>> {
+      const auto merging = Clock::now();
+      auto merged = MergeIntoMap(head, input, {}, {}, {});
+      merge_seconds = SecondsSince(merging);
+      if (!merged.ok()) return merged.status();
+      return std::move(merged->changed);
+    });
+    return {SecondsSince(began), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC, merge_seconds};
+  }
+
+  // Reads, and opening.
+  void MeasureReads() {
     OldEpochs();
     if (most_copies_ >= 10) ManyEpochs();
     std::vector<double> opened;
@@ -166,15 +184,6 @@ class Bench {
     return false;
   }
 
-  void PrintBytes() const {
-    size_t bytes = 0, voxels = 0;
-    for (const Block& block : Area(0)) {
-      bytes += Require(EncodeBlock(block)).size();
-      voxels += block.voxels.size();
-    }
-    std::printf("made-up blocks: %.1f bytes a voxel\n", static_cast<double>(bytes) / static_cast<double>(voxels));
-  }
-
  private:
   void Open() {
     engine_ = open_();
@@ -198,28 +207,6 @@ class Bench {
     for (; copies_ < copies; ++copies_) Commit([this](const Snapshot&) { return Area(copies_); });
   }
 
-  // Of all threads together; the CPU time does not depend on what else the machine does.
-  struct Spent {
-    double seconds = 0, cpu_seconds = 0;
-  };
-
-  Spent CommitSession() {
-    session_ = SessionOver(Area(0), 1000 + commits_);
-    const auto base = Require(maps_->Open("m"));
-    const ScanSource none{0, {}};
-    const MergeInput input{*base, session_, none, {}, {}, {}};
-    const auto began = Clock::now();
-    const std::clock_t cpu = std::clock();
-    Commit([&](const Snapshot& head) -> absl::StatusOr<std::vector<Block>> {
-      const auto merging = Clock::now();
-      auto merged = MergeIntoMap(head, input, {}, {}, {});
-      merge_seconds_ = SecondsSince(merging);
-      if (!merged.ok()) return merged.status();
-      return std::move(merged->changed);
-    });
-    return {SecondsSince(began), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
-  }
-
   // Seconds a tile to read every tile of the first square in a random order, with nothing in the caches of the store.
   double ReadTiles(Engine& engine, std::optional<uint64_t> epoch) {
     const auto cold = OpenMapStore(engine, {.block_cache_bytes = 0});
@@ -229,7 +216,7 @@ class Bench {
     std::ranges::shuffle(tiles, std::mt19937_64(1));
     const auto began = Clock::now();
     for (const TileKey tile : tiles) {
-      for (const BlockKey key : Require(snapshot->BlocksOf(tile))) Require(snapshot->Read(key));
+      Require(snapshot->ReadTile(tile));
     }
     return SecondsSince(began) / static_cast<double>(tiles.size());
   }
@@ -249,11 +236,12 @@ class Bench {
     return {Median(firsts), Median(seconds)};
   }
 
-  // The head just committed may lie in RocksDB's memory for writes, where it is read sooner than from files, at
-  // whatever epoch: once as it is then, once when all is in files, as the store is after it was opened.
+  // The head just committed lies in RocksDB's memory for writes, where it is read sooner than from files, at whatever
+  // epoch: once like this, with the old epoch in files; once when all is in files, as the store is after it was opened.
   void OldEpochs() {
     for (const bool settled : {false, true}) {
-      if (settled) Reopen();
+      Reopen();
+      if (!settled) CommitSession();
       const auto [old, head] =
           ReadInTurns([this] { return ReadTiles(*engine_, 2); }, [this] { return ReadTiles(*engine_, std::nullopt); });
       std::printf("tile at epoch 2: %.3f ms, at the head: %.3f ms, ratio %.2f (%s)\n", 1e3 * old, 1e3 * head,
@@ -297,8 +285,46 @@ class Bench {
   std::unique_ptr<MapStore> maps_;
   SessionMap session_;
   int copies_ = 0, commits_ = 0;
-  double first_ = 0, first_cpu_ = 0, merge_seconds_ = 0;
 };
+
+// A store of a name, empty the first time.
+using OpenStore = std::function<std::unique_ptr<Engine>(const std::string& name)>;
+
+// Commits the same session into maps of all sizes in turns, and then reads the largest one.
+void CompareSizes(const OpenStore& open, int most_copies) {
+  std::vector<std::unique_ptr<Bench>> maps;
+  for (const int copies : {1, 10, 50, 200}) {
+    if (copies > most_copies) break;
+    maps.push_back(std::make_unique<Bench>([open, copies] { return open(std::to_string(copies)); }, copies));
+    maps.back()->Grow();
+  }
+  std::vector<std::vector<Bench::Spent>> spent(maps.size());
+  for (int run = 0; run < kRuns; ++run) {
+    for (size_t i = 0; i < maps.size(); ++i) {
+      const size_t turn = (i + run) % maps.size();  // each goes first as often as the others
+      spent[turn].push_back(maps[turn]->CommitSession());
+    }
+  }
+  const auto median = [&](size_t map, double Bench::Spent::*field) {
+    std::vector<double> values;
+    for (const Bench::Spent& one : spent[map]) values.push_back(one.*field);
+    return Median(values);
+  };
+  for (size_t i = 0; i < maps.size(); ++i) {
+    const double seconds = median(i, &Bench::Spent::seconds), cpu = median(i, &Bench::Spent::cpu_seconds);
+    std::vector<double> ratios;  // within a round, so that the machine's moods cancel out
+    for (int run = 0; run < kRuns; ++run) ratios.push_back(spent[i][run].seconds / spent[0][run].seconds);
+    std::printf(
+        "%4dx: %9llu voxels in the map, commit %.1f ms (%.2f of 1x, median of rounds %.2f; merge and filter %.1f; CPU "
+        "%.1f, %.2f of 1x), %.2f million voxels/s merged\n",
+        maps[i]->copies(), static_cast<unsigned long long>(maps[i]->voxels()), 1e3 * seconds,
+        seconds / median(0, &Bench::Spent::seconds), Median(ratios), 1e3 * median(i, &Bench::Spent::merge_seconds),
+        1e3 * cpu, cpu / median(0, &Bench::Spent::cpu_seconds),
+        1e-6 * static_cast<double>(maps[i]->session_voxels()) / seconds);
+  }
+  maps.erase(maps.begin(), maps.end() - 1);
+  maps.front()->MeasureReads();
+}
 
 int Run(int count, char** arguments) {
   const bool rados = count == 5 && std::string(arguments[2]) == "--rados";
@@ -325,15 +351,17 @@ int Run(int count, char** arguments) {
     std::filesystem::remove_all(directory);
     return bounded_by_caches ? 0 : 1;
   }
-  const auto open = [&]() -> std::unique_ptr<Engine> {
-    if (!rados) return Require(OpenRocksDbEngine(directory));
-    return Require(OpenRadosEngine({.conf = arguments[3], .pool = arguments[4], .name_space = directory}));
-  };
-  {
-    Bench bench(open, rados ? 50 : bounded ? std::atoi(arguments[3]) : 200);
-    bench.PrintBytes();
-    bench.Run();
-  }
+  if (!rados) std::filesystem::create_directories(directory);
+  PrintBytes();
+  CompareSizes(
+      [&](const std::string& name) -> std::unique_ptr<Engine> {
+        if (!rados) return Require(OpenRocksDbEngine(directory + "/" + name));
+        return Require(
+            OpenRadosEngine({.conf = arguments[3], .pool = arguments[4], .name_space = directory + "." + name}));
+      },
+      rados     ? 50
+      : bounded ? std::atoi(arguments[3])
+                : 200);
   if (!rados) std::filesystem::remove_all(directory);
   return 0;
 }

@@ -69,6 +69,7 @@ TEST(Metrics, EngineCallsAreTimedAndTheirErrorsCounted) {
   absl::Status& answer = scripted->answer;
   const auto engine = Metered(std::move(scripted), metrics);
   EXPECT_TRUE(engine->GetValue("g", "k").ok());
+  EXPECT_EQ(engine->GetValues("g", std::vector<std::string>{"k", "l"}).size(), 2U);
   const std::vector<ImmutableValue> values = {{"k", "123"}, {"l", "45"}};
   EXPECT_TRUE(engine->PutValues("g", values).ok());
   const std::vector<ValueGroup> groups = {{"g", values}};
@@ -77,10 +78,13 @@ TEST(Metrics, EngineCallsAreTimedAndTheirErrorsCounted) {
   EXPECT_FALSE(engine->Sync().ok());
   answer = absl::NotFoundError("x");
   EXPECT_FALSE(engine->GetValue("g", "k").ok());
+  EXPECT_FALSE(engine->GetValues("g", std::vector<std::string>{"k", "l"}).front().ok());
   answer = absl::AbortedError("x");
   EXPECT_FALSE(engine->CompareAndSet("p", {}, {}).ok());
   EXPECT_THAT(metrics.Text(), AllOf(HasSubstr("mapkeep_engine_seconds_count{operation=\"get_value\"} 2"),
                                     HasSubstr("mapkeep_engine_bytes_total{operation=\"get_value\"} 7"),
+                                    HasSubstr("mapkeep_engine_seconds_count{operation=\"get_values\"} 2"),
+                                    HasSubstr("mapkeep_engine_bytes_total{operation=\"get_values\"} 14"),
                                     HasSubstr("mapkeep_engine_bytes_total{operation=\"put_values\"} 10"),
                                     HasSubstr("mapkeep_engine_errors_total{code=\"DATA_LOSS\",operation=\"sync\"} 1"),
                                     Not(HasSubstr("NOT_FOUND")), Not(HasSubstr("ABORTED"))));

@@ -127,6 +127,30 @@ TEST_P(EngineTest, ValuesAreReadByGroupAndKeyUntilTheyAreDeleted) {
   EXPECT_THAT(ValueKeysOf("g"), ElementsAre("a", "c"));
 }
 
+TEST_P(EngineTest, ValuesReadTogetherEachHaveTheirOwnAnswer) {
+  const std::string large(3000000, 'x');
+  const std::vector<ImmutableValue> first = {{"a", ""}, {"b", large}, {"c", "3"}},
+                                    second = {{"d", std::string(5000, 'd')}}, apart = {{"e", std::string(100, 'e')}};
+  ASSERT_DONE(engine_->PutValues("g", first));
+  ASSERT_DONE(engine_->PutValues("g", second));
+  ASSERT_DONE(engine_->PutLargeValues("g", apart));
+  for (int round = 0; round < 2; ++round) {
+    const std::vector<std::string> keys = {"d", "b", "nothing", "a", "e", "c", "b"};
+    const auto values = engine_->GetValues("g", keys);
+    ASSERT_EQ(values.size(), keys.size());
+    EXPECT_EQ(*values[0], second[0].value);
+    EXPECT_EQ(*values[1], large);
+    EXPECT_CODE(values[2], kNotFound);
+    EXPECT_EQ(*values[3], "");
+    EXPECT_EQ(*values[4], apart[0].value);
+    EXPECT_EQ(*values[5], "3");
+    EXPECT_EQ(*values[6], large) << "asked for twice";
+    engine_.Reopen();
+  }
+  EXPECT_CODE(engine_->GetValues("h", std::vector<std::string>{"a"}).front(), kNotFound);
+  EXPECT_THAT(engine_->GetValues("g", {}), IsEmpty());
+}
+
 TEST_P(EngineTest, ManyGroupsAreWrittenTogether) {
   std::vector<ValueGroup> groups;
   for (int g = 0; g < 20; ++g) {

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "storage/leases.h"
+#include "storage/map_values.h"
 #include "tests/unit/storage/random_blocks.h"
 #include "tests/unit/storage/status_matchers.h"
 #include "tests/unit/storage/test_engine.h"
@@ -97,6 +98,32 @@ TEST_F(MapStoreTest, WhatIsCommittedIsReadWithItsTotalsAndBounds) {
   for (const Block& block : {low, high, far}) EXPECT_EQ(**snapshot->Read(block.key), block);
   EXPECT_THAT(*snapshot->BlocksOf(TileKeyOf(low.key)), ElementsAre(low.key, high.key));
   EXPECT_THAT(*snapshot->BlocksOf(TileKey{1}), IsEmpty());
+}
+
+TEST_F(MapStoreTest, ATileIsReadWholeFromTheCacheOrTheEngineAndNoBlockOfItIsMissedSilently) {
+  const Block low = Any({0, 0, 0}, 30), middle = Any({3, 1, 2}, 700), high = Any({0, 1, 9}, 40);
+  ASSERT_DONE(Commit("s1", {low, middle}));
+  ASSERT_DONE(Commit("s2", {high, Any({4, 0, 0})}));
+  const TileKey tile = TileKeyOf(low.key);
+  const auto without_cache = OpenMapStore(*engine_, {.block_cache_bytes = 0});
+  for (MapStore* store : {maps_.get(), without_cache.get()}) {
+    const auto snapshot = *store->Open("m");
+    ASSERT_DONE(snapshot->Read(low.key)) << "so that some are cached and some are not";
+    const auto blocks = snapshot->ReadTile(tile);
+    ASSERT_DONE(blocks);
+    std::vector<Block> read;
+    for (const auto& block : *blocks) read.push_back(*block);
+    std::vector<Block> expected = {low, middle, high};
+    std::ranges::sort(expected, {}, &Block::key);
+    EXPECT_EQ(read, expected);
+    EXPECT_THAT(*snapshot->ReadTile(TileKey{1}), IsEmpty());
+  }
+  const auto held = *without_cache->Open("m");
+  const auto entries = *held->BlockEntries(tile);
+  const ValueName lost{ValueKind::kBlock, static_cast<uint64_t>(entries[1].key), entries[1].version};
+  ASSERT_DONE(DeleteNamed(*engine_, held->map().incarnation, {&lost, 1}));
+  EXPECT_CODE(held->ReadTile(tile), kDataLoss);
+  EXPECT_DONE(held->ReadTile(TileKeyOf(BlockKeyOf(VoxelIndex{4, 0, 0})))) << "others are read";
 }
 
 TEST_F(MapStoreTest, TilesOfARangeAreThoseWithABlockInItsColumns) {

@@ -197,6 +197,9 @@ TEST(RocksDbEngine, ADamagedFileIsDataLoss) {
   ASSERT_DONE(engine);
   EXPECT_CODE((*engine)->GetValue("g", "v"), kDataLoss);
   EXPECT_CODE((*engine)->GetValue("g", "w"), kNotFound);
+  const auto together = (*engine)->GetValues("g", std::vector<std::string>{"w", "v"});
+  EXPECT_CODE(together[0], kNotFound);
+  EXPECT_CODE(together[1], kDataLoss);
 }
 
 TEST(RocksDbEngine, ADamagedTableFileLosesWhatLiesThereAndTheRestIsReadAndListed) {
