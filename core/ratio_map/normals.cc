@@ -17,24 +17,38 @@ constexpr double kLineShare = 0.03;
 constexpr int kMinSurfels = 3;
 constexpr int kMaxReach = 2;  // voxels to each side
 
+// The lower half of a symmetric matrix, which is all that an eigenvalue solver reads: xx xy yy xz yz zz.
+using Symmetric = std::array<double, 6>;
+
+// Calls visit(entry, row, column) for the entries of a lower half.
+template <typename Visit>
+void ForEachEntry(const Visit& visit) {
+  for (int row = 0, entry = 0; row < 3; ++row) {
+    for (int column = 0; column <= row; ++column) visit(entry++, row, column);
+  }
+}
+
 // Scatter of the occupied sub-voxel centres about their mean, in voxel edges squared, and their count.
 struct Spread {
   double cells = 0;
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  Symmetric scatter{};
 };
 
 Spread SpreadOf(uint64_t mask) {
   Spread spread;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
+  Symmetric products{};
   for (uint64_t rest = mask; rest != 0; rest &= rest - 1) {
     const int bit = std::countr_zero(rest);
     const Eigen::Vector3d cell = Eigen::Vector3d(bit % 4, (bit >> 2) % 4, bit >> 4) / 4;
     sum += cell;
-    products += cell * cell.transpose();
+    ForEachEntry([&](int entry, int row, int column) { products[entry] += cell[row] * cell[column]; });
   }
   spread.cells = std::popcount(mask);
-  if (spread.cells > 0) spread.scatter = products - sum * sum.transpose() / spread.cells;
+  if (spread.cells == 0) return spread;
+  ForEachEntry([&](int entry, int row, int column) {
+    spread.scatter[entry] = products[entry] - sum[row] * sum[column] / spread.cells;
+  });
   return spread;
 }
 
@@ -108,7 +122,7 @@ std::array<uint8_t, 2> NormalAt(const VoxelIndex& at, const Surroundings& surrou
   int count = 0;
   double weight = 0;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
+  Symmetric products{};
   for (int dz = -reach; dz <= reach; ++dz) {
     for (int dy = -reach; dy <= reach; ++dy) {
       for (int dx = -reach; dx <= reach; ++dx) {
@@ -118,13 +132,19 @@ std::array<uint8_t, 2> NormalAt(const VoxelIndex& at, const Surroundings& surrou
         if (offset.squaredNorm() > radius * radius) continue;
         ++count;
         weight += other->spread.cells;
-        sum += other->spread.cells * offset;
-        products += other->spread.cells * offset * offset.transpose() + other->spread.scatter;
+        const Eigen::Vector3d weighted = other->spread.cells * offset;
+        sum += weighted;
+        ForEachEntry([&](int entry, int row, int column) {
+          products[entry] += weighted[row] * offset[column] + other->spread.scatter[entry];
+        });
       }
     }
   }
   if (count < kMinSurfels) return {0, 0};
-  const Eigen::Matrix3d covariance = products / weight - sum * sum.transpose() / (weight * weight);
+  Eigen::Matrix3d covariance;
+  ForEachEntry([&](int entry, int row, int column) {
+    covariance(row, column) = products[entry] / weight - sum[row] * sum[column] / (weight * weight);
+  });
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   if (!(solver.eigenvalues()[1] > kLineShare * solver.eigenvalues()[2])) return {0, 0};
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);

@@ -44,13 +44,25 @@ struct Contribution {
   std::vector<uint32_t> slots;  // of the voxels, in the evidence
 };
 
+// The first key of [at, end) that is not below `key`, which is likely near: looked for in steps that double.
+using Keys = std::span<const VoxelKey>;
+Keys::iterator NotBelow(Keys::iterator at, Keys::iterator end, VoxelKey key) {
+  ptrdiff_t step = 1;
+  auto low = at;
+  while (end - low > step && low[step] < key) {
+    low += step;
+    step *= 2;
+  }
+  return std::lower_bound(low, end - low > step ? low + step + 1 : end, key);
+}
+
 // Where each voxel of a scan lies in the evidence; both are sorted, so one walk finds all.
 absl::StatusOr<std::vector<uint32_t>> SlotsOf(std::span<const ScanVoxel> voxels, std::span<const VoxelKey> keys) {
   std::vector<uint32_t> slots;
   slots.reserve(voxels.size());
   auto at = keys.begin();
   for (const ScanVoxel& voxel : voxels) {
-    at = std::lower_bound(at, keys.end(), voxel.key);
+    at = NotBelow(at, keys.end(), voxel.key);
     if (at == keys.end() || *at != voxel.key) {
       const VoxelIndex index = VoxelIndexOf(voxel.key);
       return absl::InvalidArgumentError(absl::StrFormat(
