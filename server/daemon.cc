@@ -102,6 +102,7 @@ struct Daemon::State {
   std::unique_ptr<EpochFeed> epochs;
   PlanCache plans;
   std::shared_mutex map_lifetimes;
+  std::unique_ptr<ScanMemory> scan_memory;
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<WorkPool> pool, staging;
   std::unique_ptr<Gate> gate;
@@ -190,14 +191,15 @@ struct Daemon::State {
     MakeQuotas();
     const auto holder = HolderName(config.data);
     if (!holder.ok()) return holder.status();
-    pipeline =
-        std::make_unique<Pipeline>(PipelineStores{*maps, *sessions, *leases, feed, plans, &pipeline_events},
-                                   PipelineOptions{.threads = config.threads,
-                                                   .jobs = config.limits.jobs,
-                                                   .serial_per_map = config.serial_per_map,
-                                                   .lease_seconds = static_cast<double>(config.limits.lease_seconds),
-                                                   .holder = *holder,
-                                                   .stages = config.stages});
+    scan_memory = std::make_unique<ScanMemory>(static_cast<size_t>(config.limits.scan_cache_mib) << 20);
+    pipeline = std::make_unique<Pipeline>(
+        PipelineStores{*maps, *sessions, *leases, feed, plans, &pipeline_events, scan_memory.get()},
+        PipelineOptions{.threads = config.threads,
+                        .jobs = config.limits.jobs,
+                        .serial_per_map = config.serial_per_map,
+                        .lease_seconds = static_cast<double>(config.limits.lease_seconds),
+                        .holder = *holder,
+                        .stages = config.stages});
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
     staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);
@@ -261,6 +263,8 @@ struct Daemon::State {
       metrics.AddGauge(
           "mapkeep_cache_bytes", "Bytes that a cache holds", [of] { return static_cast<double>(of().bytes); }, labels);
     }
+    metrics.AddGauge("mapkeep_scan_cache_bytes", "Bytes of decoded scans that sessions at work keep",
+                     [this] { return static_cast<double>(scan_memory->used()); });
     const auto use = [this](auto field) {
       return [this, field] { return static_cast<double>(quotas->Total().*field); };
     };

@@ -233,6 +233,8 @@ std::vector<Setting> MakeSettings() {
               "MiB of scans of one upload that are received but not durable yet; above it nothing more is read"),
       Integer("limits.block_cache_mib", MAPKEEP_FIELD(limits.block_cache_mib), 1, 1 << 20,
               "MiB of decoded blocks kept in memory"),
+      Integer("limits.scan_cache_mib", MAPKEEP_FIELD(limits.scan_cache_mib), 0, 1 << 20,
+              "MiB of decoded scans of the sessions at work kept in memory, so that not every stage reads them anew"),
       Integer("limits.rpc_memory_mib", MAPKEEP_FIELD(limits.rpc_memory_mib), 32, 1 << 20,
               "MiB of gRPC's buffers, and as many of scans not durable yet, of all clients together; near it all are "
               "read more slowly"),

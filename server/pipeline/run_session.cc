@@ -78,15 +78,17 @@ class SessionRun {
     auto commit =
         Stage<CommitRecord>("commit", [&](const Progress& progress) { return Commit(*session_map, progress); });
     if (!commit.ok()) return commit.status();
+    scans_ = {};
+    kept_scans_.reset();
     return Conclude(*commit);
   }
 
   // Fills poses_: relative to the map's origin.
   absl::Status Align() {
-    const auto read = [this](size_t i) {
-      return stores_.sessions.ReadScan(job_.map, job_.session, static_cast<uint32_t>(i));
-    };
-    scans_ = {record_.scan_crc32c.size(), [read](size_t i) -> absl::StatusOr<Scan> {
+    kept_scans_ = std::make_unique<SessionScans>(stores_.sessions, job_.map, job_.session, record_.scan_crc32c.size(),
+                                                 stores_.scan_memory);
+    const auto read = [this](size_t i) { return kept_scans_->Read(i); };
+    scans_ = {kept_scans_->count(), [read](size_t i) -> absl::StatusOr<Scan> {
                 absl::StatusOr<StagedScan> staged = read(i);
                 if (!staged.ok()) return staged.status();
                 return std::move(staged->scan);
@@ -246,7 +248,8 @@ class SessionRun {
   const std::function<void()>& merged_;
   SessionRecord record_;
   std::unique_ptr<Snapshot> base_;
-  ScanSource scans_;
+  std::unique_ptr<SessionScans> kept_scans_;
+  ScanSource scans_;  ///< of kept_scans_
   SessionOutline outline_;
   std::optional<Eigen::Vector3d> new_origin_;
   std::vector<Pose> poses_;

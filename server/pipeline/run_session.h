@@ -12,6 +12,7 @@
 #include "server/pipeline/job_queue.h"
 #include "server/pipeline/plan_cache.h"
 #include "server/pipeline/session_feed.h"
+#include "server/pipeline/session_scans.h"
 #include "storage/leases.h"
 #include "storage/map_store.h"
 #include "storage/session_store.h"
@@ -33,6 +34,7 @@ struct PipelineStores {
   SessionFeed& feed;
   PlanCache& plans;
   const PipelineEvents* events = nullptr;  ///< nullptr: nobody counts
+  ScanMemory* scan_memory = nullptr;       ///< nullptr: every stage reads the scans from the store
 };
 
 /// Takes one session through all stages on the calling oneTBB arena and writes its end (committed, refused, failed)

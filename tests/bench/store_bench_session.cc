@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "core/checksum/crc32c.h"
 #include "server/pipeline/run_session.h"
 #include "storage/block_codec.h"
 #include "storage/map_copy.h"
@@ -40,6 +41,7 @@ Value Require(absl::StatusOr<Value> value) {
 struct Stores {
   explicit Stores(Engine& engine)
       : maps(OpenMapStore(engine, {})), sessions(OpenSessionStore(engine)), leases(OpenLeases(engine)) {}
+  ScanMemory scan_memory{static_cast<size_t>(Limits().scan_cache_mib) << 20};
   std::unique_ptr<MapStore> maps;
   std::unique_ptr<SessionStore> sessions;
   std::unique_ptr<Leases> leases;
@@ -65,7 +67,9 @@ void RunAndPrint(Stores& stores, const std::string& id) {
   const auto began = SteadyClock::now();
   Job job("m", id, false, 0);
   const Lease lease = Require(stores.leases->Acquire("m", id, "bench", 600));
-  Require(RunSession({*stores.maps, *stores.sessions, *stores.leases, stores.feed, stores.plans}, {}, job, lease.fence));
+  Require(RunSession(
+      {*stores.maps, *stores.sessions, *stores.leases, stores.feed, stores.plans, nullptr, &stores.scan_memory}, {},
+      job, lease.fence));
   Require(stores.leases->Release(lease));
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - began).count();
   const SessionRecord done = Require(stores.sessions->Find("m", id));
@@ -124,6 +128,13 @@ size_t EncodedBytes(const std::vector<Block>& blocks) {
                          [](size_t sum, const Block& block) { return sum + Require(EncodeBlock(block)).size(); });
 }
 
+// Of all that the map says: the same for the same sessions, on any number of threads.
+uint32_t ChecksumOf(const std::vector<Block>& blocks) {
+  uint32_t checksum = 0;
+  for (const Block& block : blocks) checksum = Crc32c(Require(EncodeBlock(block)), checksum);
+  return checksum;
+}
+
 // Bytes that a column adds to blocks whose other columns say nothing.
 double BytesOfColumn(const std::vector<Block>& blocks, const Column& column) {
   std::vector<Block> empty, filled;
@@ -158,8 +169,9 @@ void PrintBytes(Engine& engine, const MapStore& maps, const std::string& directo
   const std::vector<Block> blocks = BlocksOf(*head);
   const auto voxels = static_cast<double>(head->totals().voxels);
   std::string line = absl::StrFormat(
-      "%d voxels in %d blocks: %.2f bytes a voxel on disk, %.2f of them blocks; columns alone:", head->totals().voxels,
-      head->totals().blocks, static_cast<double>(BytesOnDisk(engine, head->epoch(), directory)) / voxels,
+      "%d voxels in %d blocks (crc32c %08x): %.2f bytes a voxel on disk, %.2f of them blocks; columns alone:",
+      head->totals().voxels, head->totals().blocks, ChecksumOf(blocks),
+      static_cast<double>(BytesOnDisk(engine, head->epoch(), directory)) / voxels,
       static_cast<double>(EncodedBytes(blocks)) / voxels);
   for (const Column& column : kColumns) {
     absl::StrAppendFormat(&line, " %s %.2f", column.name, BytesOfColumn(blocks, column) / voxels);
