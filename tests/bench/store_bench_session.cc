@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <memory>
 #include <numeric>
@@ -65,6 +66,7 @@ void Upload(Stores& stores, const KittiDirectory& drive, const std::string& id, 
 
 void RunAndPrint(Stores& stores, const std::string& id) {
   const auto began = SteadyClock::now();
+  const std::clock_t cpu = std::clock();
   Job job("m", id, false, 0);
   const Lease lease = Require(stores.leases->Acquire("m", id, "bench", 600));
   Require(RunSession(
@@ -72,14 +74,16 @@ void RunAndPrint(Stores& stores, const std::string& id) {
       job, lease.fence));
   Require(stores.leases->Release(lease));
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - began).count();
+  const double cpu_seconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;  // of all threads
   const SessionRecord done = Require(stores.sessions->Find("m", id));
   if (done.state != SessionState::kCommitted) {
     std::fprintf(stderr, "session %s was not committed: %s\n", id.c_str(), done.reason.c_str());
     std::exit(1);
   }
   const auto scans = static_cast<double>(done.scan_crc32c.size());
-  std::string line = absl::StrFormat("%s: %d scans, acknowledged to committed epoch %d: %.1f ms a scan", id,
-                                     done.scan_crc32c.size(), done.report.epoch, 1e3 * seconds / scans);
+  std::string line =
+      absl::StrFormat("%s: %d scans, acknowledged to committed epoch %d: %.1f ms a scan (CPU %.1f)", id,
+                      done.scan_crc32c.size(), done.report.epoch, 1e3 * seconds / scans, 1e3 * cpu_seconds / scans);
   double rest = seconds;
   for (const StageTime& stage : done.report.stages) {
     rest -= stage.seconds;
