@@ -12,6 +12,7 @@
 #include "core/registration/pose_graph.h"
 #include "core/registration/query.h"
 #include "core/registration/session_search.h"
+#include "core/registration/window_cloud.h"
 #include "core/registration/windows.h"
 
 namespace mapkeep {
@@ -63,7 +64,6 @@ class Tracker {
     for (size_t i = 1; i < poses.size(); ++i) {
       travel_.push_back(travel_.back() + (poses[i].translation() - poses[i - 1].translation()).norm());
     }
-    scans_.resize(poses.size());
     for (size_t i = 0; i < poses.size(); ++i) owners_.push_back(WindowAt(windows_, {i, i}));
   }
 
@@ -82,6 +82,7 @@ class Tracker {
     if (!target.ok()) return target.status();
     const Placer placer(*std::move(target), parameters_);
     nothing_near_ = placer.empty();
+    scans_.assign(poses_.size(), {});
     local_plan_ = placer.PlanOfTarget();
     if (nothing_near_) return absl::OkStatus();
     std::optional<size_t> last;
@@ -103,6 +104,23 @@ class Tracker {
     return absl::OkStatus();
   }
 
+  /// Whether the first trusted window fits another place within `prior_reach` of where it was tracked clearly better:
+  /// the prior was wrong, in a street that looks alike.
+  absl::StatusOr<bool> FitsBetterNearby() {
+    const auto seed = std::ranges::find_if(windows_, [](const TrackedWindow& w) { return w.result.trusted; });
+    if (seed == windows_.end()) return false;
+    const auto query = queries_.QueryOf(seed->window);
+    if (!query.ok()) return query.status();
+    const Eigen::AlignedBox3d box =
+        BoxOfWindow(seed->window, poses_, seed->correction, parameters_.query_range + parameters_.prior_reach);
+    auto target = map_.points(std::span(&box, 1));
+    if (!target.ok()) return target.status();
+    const auto place =
+        FindPlace(*query, MapOf(*std::move(target), parameters_.matcher), {}, seed->placement.pose, parameters_);
+    if (!place.ok()) return place.status();
+    return place->fits && !Agree(seed->placement.pose, place->placement.pose, 0, parameters_);
+  }
+
  private:
   absl::StatusOr<RegistrationTarget> TargetUnder(const Pose& correction) const {
     std::vector<Eigen::AlignedBox3d> boxes;
@@ -121,11 +139,19 @@ class Tracker {
     if (!query.ok()) return query.status();
     const Pose& first = poses_[tracked.window.first];
     const Pose guess = correction * first;
-    Placement placement = placer.Place(query->points, guess);
+    const WindowCloud cloud(query->points, parameters_.source_voxel);
+    const auto follows = [&](const Placement& placed) {
+      return FitsMap(placed.fit, parameters_) && placed.correction <= parameters_.max_correction &&
+             placed.rotation <= parameters_.max_rotation;
+    };
+    // Odometry from a trusted window leaves centimetres to find; where that does not do, as from any guess.
+    Placement placement = from ? placer.Follow(cloud, guess) : placer.Place(cloud, guess);
+    if (from && !follows(placement) && placement.fit.coverage >= parameters_.min_coverage) {
+      placement = placer.Place(cloud, guess);
+    }
     const double travel = from ? TravelBetween(windows_[*from].window, tracked.window, travel_) : 0;
     bool trusted =
-        FitsMap(placement.fit, parameters_) && placement.correction <= parameters_.max_correction &&
-        placement.rotation <= parameters_.max_rotation &&
+        follows(placement) &&
         (from ? Agree(guess, placement.pose, travel, parameters_)
               : StructureFits(placer.Structure(PlanQueryOf(*query, parameters_.plan), local_plan_, placement.pose),
                               parameters_));
@@ -137,7 +163,7 @@ class Tracker {
       const auto place = FindPlace(*query, map_, near, {}, parameters_);
       if (!place.ok()) return place.status();
       if (place->fits && Agree(guess, place->placement.pose, travel, parameters_)) {
-        placement = placer.Place(query->points, place->placement.pose);
+        placement = placer.Place(cloud, place->placement.pose);
         trusted = FitsMap(placement.fit, parameters_);
       }
     }
@@ -153,12 +179,12 @@ class Tracker {
                       .coverage = placement.fit.coverage};
     tracked.correction = trusted ? placement.pose * first.inverse() : correction;
     tracked.placement = placement;
-    if (trusted && parameters_.scan_poses == ScanPoses::kPoseGraph) PlaceScans(placer, u, query->points);
+    if (trusted && parameters_.scan_poses == ScanPoses::kPoseGraph) PlaceScans(placer, u, cloud);
     return absl::OkStatus();
   }
 
   // The scans that lie nearest to the middle of window u.
-  void PlaceScans(const Placer& placer, size_t u, std::span<const Eigen::Vector3d> query) {
+  void PlaceScans(const Placer& placer, size_t u, const WindowCloud& cloud) {
     const TrackedWindow& tracked = windows_[u];
     std::vector<size_t> own;
     std::vector<const std::vector<Eigen::Vector3f>*> points;
@@ -169,7 +195,7 @@ class Tracker {
       points.push_back(&queries_.PointsOf(i));
       sensors.push_back(poses_[tracked.window.first].inverse() * poses_[i]);
     }
-    std::vector<ScanPlacement> placed = placer.PlaceScans(query, points, sensors, tracked.placement.pose);
+    std::vector<ScanPlacement> placed = placer.PlaceScans(cloud, points, sensors, tracked.placement.pose);
     for (size_t k = 0; k < own.size(); ++k) scans_[own[k]] = placed[k];
   }
 
@@ -271,7 +297,13 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
   if (prior) {
     if (const absl::Status status = tracker.TrackFrom(0, *prior); !status.ok()) return status;
   }
-  if (TrustedCount(tracker.windows()) == 0) {
+  bool wrong_prior = false;
+  if (prior) {
+    const auto better = tracker.FitsBetterNearby();
+    if (!better.ok()) return better.status();
+    wrong_prior = *better;
+  }
+  if (wrong_prior || TrustedCount(tracker.windows()) == 0) {
     const auto search = SearchMap(queries, poses, windows, map, prior, position, parameters, step);
     if (!search.ok()) return search.status();
     if (search->seed) {
@@ -289,9 +321,11 @@ absl::StatusOr<Alignment> AlignSession(const ScanSource& scans, std::span<const 
       alignment.lacks_map = !prior;  // it may lie where the map does not reach yet
       if (prior) {
         alignment.lacks_map = tracker.nothing_near();
-        alignment.reason = (tracker.nothing_near() ? "the map has nothing static near the session"
-                                                   : NothingFits(tracker.windows(), parameters)) +
-                           "; " + alignment.reason;
+        alignment.reason =
+            (wrong_prior ? std::string("another place near the initial pose fits better than where that puts it")
+             : tracker.nothing_near() ? std::string("the map has nothing static near the session")
+                                      : NothingFits(tracker.windows(), parameters)) +
+            "; " + alignment.reason;
       }
       return alignment;
     }

@@ -7,6 +7,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "core/registration/correspondences.h"
+
 namespace mapkeep {
 namespace {
 
@@ -60,15 +62,15 @@ void AddPair(const Eigen::Vector3d& error, const Eigen::Vector3d& arm, const Eig
   ++sum.pairs;
 }
 
-NormalEquations Linearise(const SurfaceCloud& source, const SurfaceCloud& target, const PointTree& tree,
+NormalEquations Linearise(const SurfaceCloud& source, const SurfaceCloud& target, Correspondences& pairs,
                           const Pose& pose, const Eigen::Vector3d& centre, const GicpParameters& parameters) {
   const auto add_range = [&](const tbb::blocked_range<size_t>& range, NormalEquations sum) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       const Eigen::Vector3d point = pose * source.points[i];
-      const auto match = tree.Nearest(point, parameters.max_correspondence);
+      const auto match = pairs.Match(i, point);
       if (!match) continue;
-      AddPair(target.points[match->index] - point, point - centre, target.normals[match->index],
-              pose.linear() * source.normals[i], parameters.robust_width, sum);
+      AddPair(target.points[*match] - point, point - centre, target.normals[*match], pose.linear() * source.normals[i],
+              parameters.robust_width, sum);
     }
     return sum;
   };
@@ -108,9 +110,10 @@ GicpResult RefineByGicp(const SurfaceCloud& source, const SurfaceCloud& target, 
   GicpResult result{.pose = guess};
   if (source.points.empty()) return result;
   const Eigen::Vector3d middle = MeanOf(source.points);
+  Correspondences pairs(source.points.size(), target.points, tree, parameters.max_correspondence);
   for (int i = 0; i < parameters.max_iterations && !result.converged; ++i) {
     const Eigen::Vector3d centre = result.pose * middle;
-    NormalEquations sum = Linearise(source, target, tree, result.pose, centre, parameters);
+    NormalEquations sum = Linearise(source, target, pairs, result.pose, centre, parameters);
     result.pairs = sum.pairs;
     if (sum.pairs == 0) return result;
     result.centre = centre;

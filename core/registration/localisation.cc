@@ -40,7 +40,8 @@ absl::StatusOr<Localisation> Localise(const ScanSource& scans, std::span<const P
   const Eigen::AlignedBox3d box = BoxAbout(query->points, alignment->poses.front(), kTargetMargin);
   auto target = map.points(std::span(&box, 1));
   if (!target.ok()) return target.status();
-  const Placement placement = Placer(*std::move(target), parameters).Place(query->points, alignment->poses.front());
+  const Placement placement = Placer(*std::move(target), parameters)
+                                  .Place(WindowCloud(query->points, parameters.source_voxel), alignment->poses.front());
   if (!FitsMap(placement.fit, parameters)) return Localisation{.reason = "the scans together do not fit the map"};
   localisation.pose = placement.pose * (poses.front().inverse() * poses.back());
   localisation.fitness = placement.fit.fitness;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/registration/plan_search.h"
-#include "core/registration/thinning.h"
+#include "core/registration/window_cloud.h"
 
 namespace mapkeep {
 namespace {
@@ -18,11 +18,10 @@ constexpr size_t kMaxCandidates = 6;  // from above, that are refined
 constexpr size_t kMaxMatched = 4;     // by descriptors, likewise
 constexpr double kMatchedAlias =
     0.85;  // of a place's surface share, by descriptors: a rival that has it makes it ambiguous
-constexpr double kTargetMargin = 3;    // metres about a candidate from which the map is read
-constexpr double kSameDistance = 2;    // metres; candidates that refine to within this are one place
-constexpr double kSameAngle = 0.1;     // radians
-constexpr double kElsewhere = 3;       // metres from where a point lies, from which on a match is another place
-constexpr double kScreenThinning = 2;  // source voxels: what candidates are refined with
+constexpr double kTargetMargin = 3;  // metres about a candidate from which the map is read
+constexpr double kSameDistance = 2;  // metres; candidates that refine to within this are one place
+constexpr double kSameAngle = 0.1;   // radians
+constexpr double kElsewhere = 3;     // metres from where a point lies, from which on a match is another place
 
 bool SamePlace(const Pose& a, const Pose& b) {
   return (a.translation() - b.translation()).norm() < kSameDistance && AngleBetween(a, b) < kSameAngle;
@@ -42,16 +41,16 @@ using Scorer = std::function<void(const Placer&, RefinedPlace&)>;
 void ScoreBySurface(const Placer&, RefinedPlace& place) { place.score = place.placement.fit.surface_share; }
 
 // The candidates refined, each place once, best score first.
-absl::StatusOr<std::vector<RefinedPlace>> Refined(std::span<const PoseCandidate> candidates,
-                                                  std::span<const Eigen::Vector3d> query, const TargetMap& map,
-                                                  const AlignParameters& parameters, const Scorer& score) {
+absl::StatusOr<std::vector<RefinedPlace>> Refined(std::span<const PoseCandidate> candidates, const WindowCloud& window,
+                                                  const TargetMap& map, const AlignParameters& parameters,
+                                                  const Scorer& score) {
   std::vector<RefinedPlace> places;
   for (const PoseCandidate& candidate : candidates) {
-    const Eigen::AlignedBox3d box = BoxAbout(query, candidate.pose, kTargetMargin);
+    const Eigen::AlignedBox3d box = BoxAbout(window.fine().points, candidate.pose, kTargetMargin);
     auto target = map.points(std::span(&box, 1));
     if (!target.ok()) return target.status();
     const Placer placer(*std::move(target), parameters);
-    RefinedPlace place{.placement = placer.Place(query, candidate.pose), .matches = candidate.inliers};
+    RefinedPlace place{.placement = placer.Place(window, candidate.pose), .matches = candidate.inliers};
     if (std::ranges::any_of(
             places, [&](const RefinedPlace& held) { return SamePlace(held.placement.pose, place.placement.pose); })) {
       continue;
@@ -102,8 +101,8 @@ namespace {
 
 // From above: the places that look most like the query. All headings and every place were looked at, so that a rival
 // is among them.
-absl::StatusOr<FoundPlace> FindFromAbove(const FacingPoints& query, std::span<const Eigen::Vector3d> thinned,
-                                         const TargetMap& map, const std::optional<Eigen::AlignedBox3d>& within,
+absl::StatusOr<FoundPlace> FindFromAbove(const FacingPoints& query, const WindowCloud& window, const TargetMap& map,
+                                         const std::optional<Eigen::AlignedBox3d>& within,
                                          const std::optional<Pose>& guess, const AlignParameters& parameters) {
   const auto plan = map.plan();
   if (!plan.ok()) return plan.status();
@@ -121,7 +120,7 @@ absl::StatusOr<FoundPlace> FindFromAbove(const FacingPoints& query, std::span<co
     return FoundPlace{.reason = absl::StrFormat("from above: %d walls, %d floors, no place in the map",
                                                 above.walls.size(), above.floors.size())};
   }
-  const auto refined = Refined(candidates, thinned, map, parameters, [&](const Placer& placer, RefinedPlace& place) {
+  const auto refined = Refined(candidates, window, map, parameters, [&](const Placer& placer, RefinedPlace& place) {
     place.structure = placer.Structure(above, **plan, place.placement.pose);
     place.score = place.structure.score();
   });
@@ -143,8 +142,8 @@ absl::StatusOr<FoundPlace> FindFromAbove(const FacingPoints& query, std::span<co
 }
 
 // By descriptors: any tilt, any ground.
-absl::StatusOr<FoundPlace> FindByDescriptors(const FacingPoints& query, std::span<const Eigen::Vector3d> thinned,
-                                             const TargetMap& map, const std::optional<Eigen::AlignedBox3d>& within,
+absl::StatusOr<FoundPlace> FindByDescriptors(const FacingPoints& query, const WindowCloud& window, const TargetMap& map,
+                                             const std::optional<Eigen::AlignedBox3d>& within,
                                              const AlignParameters& parameters) {
   // To describe a map takes long: not for what nobody could recognise.
   const size_t features = FeaturesOf(query, kMatchVoxels[0], parameters.matcher).points.size();
@@ -158,7 +157,7 @@ absl::StatusOr<FoundPlace> FindByDescriptors(const FacingPoints& query, std::spa
   if (match.candidates.empty()) return FoundPlace{.reason = match.reason};
   const std::span<const PoseCandidate> candidates(match.candidates);
   const auto places =
-      Refined(candidates.first(std::min(candidates.size(), kMaxMatched)), thinned, map, parameters, ScoreBySurface);
+      Refined(candidates.first(std::min(candidates.size(), kMaxMatched)), window, map, parameters, ScoreBySurface);
   if (!places.ok()) return places.status();
   const RefinedPlace& best = places->front();
   FoundPlace found{.placement = best.placement, .matches = best.matches};
@@ -170,7 +169,7 @@ absl::StatusOr<FoundPlace> FindByDescriptors(const FacingPoints& query, std::spa
     return found;
   }
   const auto others = Elsewhere(query, *targets, found.placement.pose, parameters.matcher);
-  const auto rivals = Refined(others, thinned, map, parameters, ScoreBySurface);
+  const auto rivals = Refined(others, window, map, parameters, ScoreBySurface);
   if (!rivals.ok()) return rivals.status();
   for (const RefinedPlace& rival : *rivals) {
     if (!SamePlace(rival.placement.pose, best.placement.pose)) found.rival = std::max(found.rival, rival.score);
@@ -187,12 +186,12 @@ absl::StatusOr<FoundPlace> FindByDescriptors(const FacingPoints& query, std::spa
 absl::StatusOr<FoundPlace> FindPlace(const FacingPoints& query, const TargetMap& map,
                                      const std::optional<Eigen::AlignedBox3d>& within, const std::optional<Pose>& guess,
                                      const AlignParameters& parameters) {
-  const std::vector<Eigen::Vector3d> thinned = ThinPoints(query.points, kScreenThinning * parameters.source_voxel);
-  auto from_above = FindFromAbove(query, thinned, map, within, guess, parameters);
+  const WindowCloud window(query.points, parameters.source_voxel);
+  auto from_above = FindFromAbove(query, window, map, within, guess, parameters);
   // Descriptors only where there is no place at all from above: a frame that lies on its side, no floor. That what was
   // found does not fit, or has a rival, is an answer that a second look at a part of the map must not turn round.
   if (!from_above.ok() || from_above->matches > 0 || !parameters.match_descriptors) return from_above;
-  auto found = FindByDescriptors(query, thinned, map, within, parameters);
+  auto found = FindByDescriptors(query, window, map, within, parameters);
   if (found.ok() && found->matches == 0) found->reason = absl::StrCat(from_above->reason, "; ", found->reason);
   return found;
 }

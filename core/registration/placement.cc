@@ -2,28 +2,15 @@
 
 #include <tbb/parallel_for.h>
 
+#include <array>
 #include <memory>
 #include <utility>
-
-#include "core/registration/surface_normals.h"
-#include "core/registration/thinning.h"
 
 namespace mapkeep {
 namespace {
 
-constexpr double kCoarseThinning = 3;  // the first round takes a point of this many source voxels
-constexpr double kFineThinning = 2;
+constexpr double kCoarseTolerance = 0.02, kFineTolerance = 0.001;  // metres: steps that end a round
 constexpr int kScanIterations = 4;  // a scan begins where its window lies: within centimetres
-
-SurfaceCloud SurfacesOf(std::vector<Eigen::Vector3d> at, std::span<const Eigen::Vector3d> points,
-                        const PointTree& tree) {
-  SurfaceCloud cloud{.points = std::move(at)};
-  cloud.normals.reserve(cloud.points.size());
-  for (const SurfaceNormal& surface : SurfaceNormalsAt(cloud.points, points, tree)) {
-    cloud.normals.push_back(surface.normal);
-  }
-  return cloud;
-}
 
 }  // namespace
 
@@ -33,25 +20,34 @@ Placer::Placer(RegistrationTarget target, const AlignParameters& parameters)
       tree_(target_.points),
       coverage_(target_.points) {}
 
-Placement Placer::Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const {
+Placement Placer::Place(const WindowCloud& window, const Pose& guess) const {
+  return PlaceBy(std::array{Round{parameters_.coarse_correspondence, parameters_.coarse_robust_width, kCoarseTolerance},
+                            Round{parameters_.fine_correspondence, parameters_.fine_robust_width, kFineTolerance}},
+                 window, guess);
+}
+
+Placement Placer::Follow(const WindowCloud& window, const Pose& guess) const {
+  return PlaceBy(std::array{Round{parameters_.fine_correspondence, parameters_.fine_robust_width, kFineTolerance}},
+                 window, guess);
+}
+
+Placement Placer::PlaceBy(std::span<const Round> rounds, const WindowCloud& window, const Pose& guess) const {
   Placement placement{.pose = guess};
-  if (target_.points.empty() || query.empty()) return placement;
-  const PointTree query_tree(query);
-  const auto round = [&](double thinning, double correspondence, double robust_width) {
-    const SurfaceCloud source = SurfacesOf(ThinPoints(query, thinning * parameters_.source_voxel), query, query_tree);
-    const GicpResult result = RefineByGicp(source, target_, tree_, placement.pose,
-                                           {.max_correspondence = correspondence,
-                                            .robust_width = robust_width,
-                                            .max_iterations = parameters_.max_iterations});
+  if (target_.points.empty() || window.empty()) return placement;
+  for (size_t i = 0; i < rounds.size(); ++i) {
+    const bool last = i + 1 == rounds.size();
+    const GicpResult result = RefineByGicp(last ? window.fine() : window.coarse(), target_, tree_, placement.pose,
+                                           {.max_correspondence = rounds[i].correspondence,
+                                            .robust_width = rounds[i].robust_width,
+                                            .max_iterations = parameters_.max_iterations,
+                                            .translation_tolerance = rounds[i].tolerance,
+                                            .rotation_tolerance = rounds[i].tolerance / 10});
     placement.pose = result.pose;
     placement.centre = result.centre;
     placement.information = result.information;
-    return result.pairs > 0;
-  };
-  if (round(kCoarseThinning, parameters_.coarse_correspondence, parameters_.coarse_robust_width)) {
-    round(kFineThinning, parameters_.fine_correspondence, parameters_.fine_robust_width);
+    if (result.pairs == 0) break;
   }
-  placement.fit = FitOf(query, target_, tree_, coverage_, placement.pose, parameters_.inlier_distance);
+  placement.fit = FitOf(window.sample(), target_, tree_, coverage_, placement.pose, parameters_.inlier_distance);
   placement.correction = (placement.pose.translation() - guess.translation()).norm();
   placement.rotation = AngleBetween(placement.pose, guess);
   return placement;
@@ -67,18 +63,16 @@ WallPlan Placer::PlanOfTarget() const {
   return WallPlan(std::span(&whole, 1));
 }
 
-std::vector<ScanPlacement> Placer::PlaceScans(std::span<const Eigen::Vector3d> query,
+std::vector<ScanPlacement> Placer::PlaceScans(const WindowCloud& window,
                                               std::span<const std::vector<Eigen::Vector3f>* const> scans,
                                               std::span<const Pose> sensors, const Pose& placed) const {
   std::vector<ScanPlacement> placements(scans.size());
-  if (target_.points.empty() || query.empty()) return placements;
-  const PointTree query_tree(query);
+  if (target_.points.empty() || window.empty()) return placements;
   tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) {
     std::vector<Eigen::Vector3d> in_window;
     in_window.reserve(scans[i]->size());
     for (const Eigen::Vector3f& point : *scans[i]) in_window.push_back(sensors[i] * point.cast<double>());
-    const SurfaceCloud source =
-        SurfacesOf(ThinPoints(in_window, kFineThinning * parameters_.source_voxel), query, query_tree);
+    const SurfaceCloud source = window.SurfacesOf(in_window);
     const GicpResult result = RefineByGicp(source, target_, tree_, placed,
                                            {.max_correspondence = parameters_.fine_correspondence,
                                             .robust_width = parameters_.fine_robust_width,

@@ -11,6 +11,7 @@
 #include "core/registration/point_tree.h"
 #include "core/registration/structure.h"
 #include "core/registration/target_map.h"
+#include "core/registration/window_cloud.h"
 
 namespace mapkeep {
 
@@ -42,8 +43,10 @@ class Placer {
 
   bool empty() const { return target_.points.empty(); }
 
-  /// Coarse, then fine GICP from the guess, and the fit where that ends. `query` in the window's frame.
-  Placement Place(std::span<const Eigen::Vector3d> query, const Pose& guess) const;
+  /// Coarse, then fine GICP from the guess (T_map_window), and the fit where that ends.
+  Placement Place(const WindowCloud& window, const Pose& guess) const;
+  /// Fine GICP alone, from a guess that odometry carried there from a window nearby.
+  Placement Follow(const WindowCloud& window, const Pose& guess) const;
 
   /// How well what stands upright in a window lies at a refined pose.
   StructureFit Structure(const PlanQuery& query, const WallPlan& plan, const Pose& pose) const;
@@ -51,13 +54,19 @@ class Placer {
   WallPlan PlanOfTarget() const;
 
   /// The scans of a window, each refined on its own from where the window puts it. `scans` in their sensors' frames,
-  /// `sensors[i]` T_window_sensor of scan i, `placed` T_map_window. A scan alone is too sparse for normals: it takes
-  /// those of the window's points.
-  std::vector<ScanPlacement> PlaceScans(std::span<const Eigen::Vector3d> query,
+  /// `sensors[i]` T_window_sensor of scan i, `placed` T_map_window.
+  std::vector<ScanPlacement> PlaceScans(const WindowCloud& window,
                                         std::span<const std::vector<Eigen::Vector3f>* const> scans,
                                         std::span<const Pose> sensors, const Pose& placed) const;
 
  private:
+  struct Round {
+    double correspondence;  // metres
+    double robust_width;    // metres
+    double tolerance;       // of GicpParameters: metres, and a tenth of it in radians
+  };
+  Placement PlaceBy(std::span<const Round> rounds, const WindowCloud& window, const Pose& guess) const;
+
   AlignParameters parameters_;
   SurfaceCloud target_;
   PointTree tree_;

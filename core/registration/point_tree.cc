@@ -44,6 +44,35 @@ class NearestWithin {
   bool found_ = false;
 };
 
+// The same, with the distance of the runner-up.
+class NearestTwoWithin {
+ public:
+  using DistanceType = double;
+  using IndexType = uint32_t;
+
+  explicit NearestTwoWithin(double squared_limit) : best_{.squared_distance = squared_limit}, next_(squared_limit) {}
+
+  size_t size() const { return found_ ? 1 : 0; }
+  bool full() const { return true; }
+  double worstDist() const { return next_; }
+  bool addPoint(double squared_distance, uint32_t index) {
+    if (squared_distance < best_.squared_distance) {
+      next_ = best_.squared_distance;
+      best_ = {index, squared_distance};
+      found_ = true;
+    } else if (squared_distance < next_) {
+      next_ = squared_distance;
+    }
+    return true;
+  }
+  PointTree::MatchAndNext result() const { return {found_ ? std::optional(best_) : std::nullopt, next_}; }
+
+ private:
+  PointTree::Match best_;
+  double next_;
+  bool found_ = false;
+};
+
 constexpr int kLeafPoints = 16;
 
 }  // namespace
@@ -65,6 +94,14 @@ PointTree& PointTree::operator=(PointTree&&) noexcept = default;
 std::optional<PointTree::Match> PointTree::Nearest(const Eigen::Vector3d& query, double max_distance) const {
   if (index_ == nullptr) return std::nullopt;
   NearestWithin nearest(max_distance * max_distance);
+  index_->tree.findNeighbors(nearest, query.data(), nanoflann::SearchParams());
+  return nearest.result();
+}
+
+PointTree::MatchAndNext PointTree::NearestAndNext(const Eigen::Vector3d& query, double max_distance) const {
+  const double limit = max_distance * max_distance;
+  if (index_ == nullptr) return {{}, limit};
+  NearestTwoWithin nearest(limit);
   index_->tree.findNeighbors(nearest, query.data(), nanoflann::SearchParams());
   return nearest.result();
 }

@@ -26,6 +26,14 @@ class PointTree {
   /// The nearest point closer than `max_distance`, or nothing.
   std::optional<Match> Nearest(const Eigen::Vector3d& query, double max_distance) const;
 
+  /// The nearest point closer than `max_distance`, and how far off the next nearest is (squared; that of `max_distance`
+  /// if it is not closer): until a query has moved by half of the difference, its nearest point stays the same.
+  struct MatchAndNext {
+    std::optional<Match> nearest;
+    double next_squared_distance = 0;
+  };
+  MatchAndNext NearestAndNext(const Eigen::Vector3d& query, double max_distance) const;
+
   /// The up to `count` nearest points, nearest first.
   std::vector<Match> Nearest(const Eigen::Vector3d& query, int count) const;
 

@@ -118,11 +118,11 @@ void PrintPlaces(size_t number, const RegistrationCase& of, const SuiteSession& 
     const auto plan = map.map.plan().value();
     const PlanQuery above = PlanQueryOf(query, parameters.plan);
     const auto places = SearchPlan(above, *plan, {}, parameters.plan);
-    const std::vector<Eigen::Vector3d> thinned = ThinPoints(query.points, 2 * parameters.source_voxel);
+    const WindowCloud window(query.points, parameters.source_voxel);
     for (size_t k = 0; k < places.size(); ++k) {
-      const Eigen::AlignedBox3d box = BoxAbout(thinned, places[k].pose, 3);
+      const Eigen::AlignedBox3d box = BoxAbout(window.fine().points, places[k].pose, 3);
       const Placer placer(map.map.points(std::span(&box, 1)).value(), parameters);
-      const Placement placed = placer.Place(thinned, places[k].pose);
+      const Placement placed = placer.Place(window, places[k].pose);
       const StructureFit fit = placer.Structure(above, *plan, placed.pose);
       const double metres = (placed.pose.translation() - truth.translation()).norm();
       const bool right = of.kind == "overlap" && metres < 0.5 && AngleBetween(placed.pose, truth) < 0.03;

@@ -91,6 +91,19 @@ TEST(SessionSearch, APlaceFarFromItsGnssPositionIsRefused) {
   EXPECT_THAT(alignment.reason, HasSubstr("from where GNSS has it"));
 }
 
+TEST(SessionSearch, AnInitialPoseFarAlongTheStreetIsNotBelieved) {
+  const Scene street = VariedStreetOf(-40, 75);
+  const RegistrationTarget map = FacingStreet(TargetOf(street));
+  const auto truth = DriveAlong(0, 25, 1.5);
+  for (const double off : {-17.0, 6.0, 17.0}) {
+    const auto alignment =
+        AlignSession(SourceOf(ScansOf(street, truth)), truth, MapOf(map), MotionOf(0, {off, 0, 0}), FromAbove());
+    ASSERT_TRUE(alignment.ok()) << alignment.status();
+    ASSERT_TRUE(alignment->accepted) << off << " m off: " << alignment->reason;
+    ExpectNear(alignment->poses, truth, 0.03, 0.1);
+  }
+}
+
 TEST(SessionSearch, DegenerateSessionsAreRefusedWithAReason) {
   const RegistrationTarget map = FacingStreet(TargetOf(VariedStreetOf(-30, 50)));
   const auto drive = DriveAlong(0, 20, 2);
