@@ -9,6 +9,7 @@
 #include "core/registration/fusion.h"
 #include "core/registration/place_search.h"
 #include "core/registration/placement.h"
+#include "core/registration/plan_search.h"
 #include "core/registration/pose_graph.h"
 #include "core/registration/query.h"
 #include "core/registration/session_search.h"
@@ -115,10 +116,22 @@ class Tracker {
         BoxOfWindow(seed->window, poses_, seed->correction, parameters_.query_range + parameters_.prior_reach);
     auto target = map_.points(std::span(&box, 1));
     if (!target.ok()) return target.status();
-    const auto place =
-        FindPlace(*query, MapOf(*std::move(target), parameters_.matcher), {}, seed->placement.pose, parameters_);
+    const TargetMap near = MapOf(*std::move(target), parameters_.matcher);
+    const auto plan = near.plan();
+    if (!plan.ok()) return plan.status();
+    // Mostly nothing else looks like it from above, and the rest is saved.
+    const Pose& tracked = seed->placement.pose;
+    const auto is_here = [&](const PlanPlace& place) { return SamePlace(place.pose, tracked); };
+    const auto places = SearchPlan(PlanQueryOf(*query, parameters_.plan), **plan, {}, parameters_.plan);
+    const auto here = std::ranges::find_if(places, is_here);
+    if (here != places.end() && std::ranges::all_of(places, [&](const PlanPlace& place) {
+          return is_here(place) || place.walls < parameters_.plan_rival * here->walls;
+        })) {
+      return false;
+    }
+    const auto place = FindPlace(*query, near, {}, tracked, parameters_);
     if (!place.ok()) return place.status();
-    return place->fits && !Agree(seed->placement.pose, place->placement.pose, 0, parameters_);
+    return place->fits && !SamePlace(place->placement.pose, tracked);
   }
 
  private:

@@ -31,7 +31,7 @@ struct AlignParameters {
   int max_iterations = 30;             ///< of GICP, a round
   double max_tilt = 5.0;               ///< degrees that z may be off the up direction in a session that founds a map
 
-  double min_precision = 0.7;      ///< Fit::precision of a window, likewise
+  double min_precision = 0.62;     ///< Fit::precision of a window, likewise
   double min_coverage = 0.35;      ///< Fit::coverage of a window: below it lies beyond the map
   double first_structure = 0.13;   ///< StructureFit::score of a window that no other one leads to
   double first_fitness = 0.8;      ///< f_u of a window that is found by descriptors, without a prior,

@@ -23,10 +23,6 @@ constexpr double kSameDistance = 2;  // metres; candidates that refine to within
 constexpr double kSameAngle = 0.1;   // radians
 constexpr double kElsewhere = 3;     // metres from where a point lies, from which on a match is another place
 
-bool SamePlace(const Pose& a, const Pose& b) {
-  return (a.translation() - b.translation()).norm() < kSameDistance && AngleBetween(a, b) < kSameAngle;
-}
-
 // A candidate, refined.
 struct RefinedPlace {
   Placement placement;
@@ -90,6 +86,10 @@ std::string TwoFit(double best, double rival, const char* what) {
 }
 
 }  // namespace
+
+bool SamePlace(const Pose& a, const Pose& b) {
+  return (a.translation() - b.translation()).norm() < kSameDistance && AngleBetween(a, b) < kSameAngle;
+}
 
 Eigen::AlignedBox3d BoxAbout(std::span<const Eigen::Vector3d> points, const Pose& pose, double margin) {
   Eigen::AlignedBox3d box;

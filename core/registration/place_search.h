@@ -32,6 +32,9 @@ absl::StatusOr<FoundPlace> FindPlace(const FacingPoints& query, const TargetMap&
                                      const std::optional<Eigen::AlignedBox3d>& within, const std::optional<Pose>& guess,
                                      const AlignParameters& parameters);
 
+/// Whether two poses of a window are one place: candidates that refine to it are one, too.
+bool SamePlace(const Pose& a, const Pose& b);
+
 /// The box about points that lie at `pose`, grown by `margin` metres.
 Eigen::AlignedBox3d BoxAbout(std::span<const Eigen::Vector3d> points, const Pose& pose, double margin);
 
