@@ -51,7 +51,8 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.neighbour_hits = false;
   p.exposure.margin_by_range = 0;
   p.exposure.clear_around = 0;
-  p.restore = p.verify_ankles = p.cluster = p.confirm = p.inherit = p.departures = p.surround = p.refine_poses = false;
+  p.restore = p.verify_ankles = p.cluster = p.confirm = p.doubt = p.inherit = p.departures = p.surround = false;
+  p.refine_poses = false;
   std::vector<AblationStep> steps;
   const auto add = [&](const char* name) { steps.push_back({name, p}); };
   const DorParameters all;
@@ -71,6 +72,8 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.clear_around = all.exposure.clear_around;
   p.confirm = all.confirm;
   add("+ confirmed voids");
+  p.doubt = all.doubt;
+  add("+ doubt");
   p.inherit = all.inherit;
   add("+ inherit");
   p.departures = all.departures;

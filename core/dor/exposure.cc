@@ -248,6 +248,8 @@ void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& count
           counts.early[id] = counts.exposures[id];
           counts.confirmed_early[id] = counts.confirmed[id];
           counts.first_hit[id] = now;
+        } else {
+          counts.returns[id] += counts.late[id] > 0;
         }
         ++counts.hits[id];
         counts.last_hit[id] = now;
@@ -331,9 +333,9 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
   const VoxelGrid& grid = voxels.grid;
   const size_t size = grid.size();
   VoxelCounts counts{.ordered = voxels.ordered};
-  for (std::vector<uint32_t>* column :
-       {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late, &counts.first_hit,
-        &counts.last_hit, &counts.free_until, &counts.free_from, &counts.confirmed_early, &counts.confirmed_late}) {
+  for (std::vector<uint32_t>* column : {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late,
+                                        &counts.first_hit, &counts.last_hit, &counts.free_until, &counts.free_from,
+                                        &counts.confirmed_early, &counts.confirmed_late, &counts.returns}) {
     column->resize(size);
   }
   std::vector<BoxCode> boxes(size);

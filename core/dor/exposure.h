@@ -41,6 +41,7 @@ struct VoxelCounts {
   std::vector<uint32_t> free_from;        ///< where late > 0: the first of those
   std::vector<uint32_t> confirmed_early;  ///< confirmed exposures before the first hit
   std::vector<uint32_t> confirmed_late;   ///< and after the last
+  std::vector<uint32_t> returns;          ///< hits after which nothing but exposures had come since the hit before
 };
 
 /// The first pass. Errors as RemoveDynamicObjects.

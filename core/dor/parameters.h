@@ -64,6 +64,14 @@ struct DorParameters {
   int confirmed_scans = 1;     ///< in which a dynamic voxel must have been a confirmed void to count as one
   double confirm_reach = 1.2;  ///< edge of the cells in which, and in whose neighbours, it is looked for, metres
 
+  /// Keep what is dynamic by its R where its own hits and its surroundings (0.5 m) speak for leaves or for a surface at
+  /// a grazing angle: if the sum of these weights is above 1.
+  bool doubt = true;
+  double doubt_hits = 0.067;     ///< a natural logarithm of the scans that hit the voxel
+  double doubt_returns = 1.87;    ///< of the share of hits that came after exposures, where R is below the candidates'
+  double doubt_stability = 1.33;  ///< of the hits in hits and exposures
+  double doubt_voids = 0.667;     ///< of the share of voxels that were confirmed voids: speaks for having moved
+
   bool departures = true;        ///< find what stood still and then left, or came and stayed, by the order of scans
   int vacated_scans = 4;         ///< scans that look through a voxel after its last hit for it to have been left
   int vacated_neighbours = 10;   ///< voxels of 0.2 m around it that were left at the same time, itself included

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "core/dor/clusters.h"
 #include "core/dor/departures.h"
@@ -12,6 +13,7 @@
 #include "core/dor/near_voxels.h"
 #include "core/dor/restoration.h"
 #include "core/dor/surface.h"
+#include "core/dor/surroundings.h"
 #include "core/voxels/block.h"
 
 namespace mapkeep {
@@ -33,6 +35,7 @@ class Scene {
   const VoxelIndex& index(uint32_t id) const { return indices_[id]; }
   bool was_hit(uint32_t id) const { return counts_.hits[id] > 0; }
   bool was_exposed(uint32_t id) const { return counts_.exposures[id] > 0; }
+  uint32_t hits(uint32_t id) const { return counts_.hits[id]; }
   uint32_t scans(uint32_t id) const { return counts_.hits[id] + counts_.exposures[id]; }
   double R(uint32_t id) const { return Stability(counts_.hits[id], counts_.exposures[id], parameters_.eta); }
 
@@ -193,6 +196,24 @@ void Confirm(const Scene& scene, const VoxelCounts& counts, const DorParameters&
   });
 }
 
+// Whether a voxel's own hits and what is known about its surroundings speak against its having moved, however low its
+// R: leaves, and surfaces at grazing angles, are hit and looked through by turns, beside others that are hit more
+// often, and hardly any is ever a confirmed void.
+bool IsDoubtful(const EvidenceAround& around, uint32_t hits, const DorParameters& parameters) {
+  return parameters.doubt_hits * std::log(hits) + parameters.doubt_returns * around.return_share() +
+             parameters.doubt_stability * around.stability() - parameters.doubt_voids * around.void_share() >
+         1;
+}
+
+void Doubt(const Scene& scene, const Surroundings& surroundings, const DorParameters& parameters,
+           std::vector<VoxelVerdict>& verdicts) {
+  scene.ForEach([&](uint32_t id) {
+    if (verdicts[id] != VoxelVerdict::kDynamic) return;
+    if (!IsDoubtful(surroundings.Around(scene.index(id)), scene.hits(id), parameters)) return;
+    verdicts[id] = VoxelVerdict::kStatic;
+  });
+}
+
 // What left or came during the session.
 void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, const DorParameters& parameters,
                      std::vector<VoxelVerdict>& verdicts) {
@@ -239,8 +260,9 @@ void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<Vo
 }
 
 // What lies among dynamic voxels and was looked through at all belongs to the same thing: a person who hardly moves
-// leaves voxels in the middle that were hit most of the time.
-void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+// leaves voxels in the middle that were hit most of the time. Without surroundings nothing is doubted.
+void JudgeSurrounded(const Scene& scene, const Surroundings* surroundings, const DorParameters& parameters,
+                     std::vector<VoxelVerdict>& verdicts) {
   constexpr int kRounds = 3;
   constexpr int kReach = 2;               // voxels
   constexpr int kMaxSquaredDistance = 5;  // voxel edges
@@ -261,7 +283,9 @@ void JudgeSurrounded(const Scene& scene, const DorParameters& parameters, std::v
         ++around;
         dynamic += verdicts[other] == VoxelVerdict::kDynamic;
       });
-      surrounded[id] = around >= kMinAround && dynamic > parameters.surrounded_share * around;
+      surrounded[id] =
+          around >= kMinAround && dynamic > parameters.surrounded_share * around &&
+          !(surroundings != nullptr && IsDoubtful(surroundings->Around(scene.index(id)), scene.hits(id), parameters));
     });
     changed.clear();
     for (uint32_t id = 0; id < scene.size(); ++id) {
@@ -331,9 +355,17 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
   JudgeVoxels(scene, parameters, verdict.voxels);
   if (parameters.cluster) JudgeClusters(scene, parameters, verdict.voxels);
   if (parameters.confirm && parameters.exposure.clear_around > 0) Confirm(scene, counts, parameters, verdict.voxels);
+  std::optional<Surroundings> surroundings;
+  if (parameters.doubt && parameters.exposure.clear_around > 0) {
+    surroundings.emplace(voxels.grid, counts, parameters.voxel_size, parameters.candidate_threshold,
+                         [&](uint32_t id) { return scene.was_hit(id) && verdict.voxels[id] != VoxelVerdict::kGround; });
+    Doubt(scene, *surroundings, parameters, verdict.voxels);
+  }
   if (parameters.departures) JudgeDepartures(voxels, counts, parameters, verdict.voxels);
   if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
-  if (parameters.surround) JudgeSurrounded(scene, parameters, verdict.voxels);
+  if (parameters.surround) {
+    JudgeSurrounded(scene, surroundings ? &*surroundings : nullptr, parameters, verdict.voxels);
+  }
   if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);
   if (parameters.restore) FindIsolated(scene, verdict);
   return verdict;

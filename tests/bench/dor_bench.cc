@@ -162,6 +162,10 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("cluster_min_neighbours", &DorParameters::cluster_min_neighbours);
   vary("cluster_threshold", &DorParameters::cluster_threshold);
   vary("confirm_reach", &DorParameters::confirm_reach);
+  vary("doubt_hits", &DorParameters::doubt_hits);
+  vary("doubt_returns", &DorParameters::doubt_returns);
+  vary("doubt_stability", &DorParameters::doubt_stability);
+  vary("doubt_voids", &DorParameters::doubt_voids);
   vary("vacated_scans", &DorParameters::vacated_scans);
   vary("vacated_neighbours", &DorParameters::vacated_neighbours);
   vary("vacated_confirmed", &DorParameters::vacated_confirmed);
@@ -177,6 +181,7 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   without("protect_ground", &DorParameters::protect_ground);
   without("cluster", &DorParameters::cluster);
   without("confirm", &DorParameters::confirm);
+  without("doubt", &DorParameters::doubt);
   without("departures", &DorParameters::departures);
   without("inherit", &DorParameters::inherit);
   without("surround", &DorParameters::surround);

@@ -25,6 +25,11 @@ void AddDorOptions(CLI::App& app, DorParameters& p) {
   app.add_option("--ankle-tolerance", p.ankle_tolerance);
   app.add_option("--refine-poses", p.refine_poses);
   app.add_option("--confirm", p.confirm);
+  app.add_option("--doubt", p.doubt);
+  app.add_option("--doubt-hits", p.doubt_hits);
+  app.add_option("--doubt-returns", p.doubt_returns);
+  app.add_option("--doubt-stability", p.doubt_stability);
+  app.add_option("--doubt-voids", p.doubt_voids);
   app.add_option("--departures", p.departures);
   app.add_option("--surround", p.surround);
   app.add_option("--inherit", p.inherit);

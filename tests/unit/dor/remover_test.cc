@@ -222,7 +222,7 @@ TEST(Remover, EachRefinementCanBeSwitchedOff) {
   const Session session = Street(10, 24);
   DorParameters none;
   none.protect_ground = none.cluster = none.departures = none.inherit = none.surround = none.verify_ankles = false;
-  none.restore = none.confirm = false;
+  none.restore = none.confirm = none.doubt = false;
   const Removal removal = Remove(session, none);
   EXPECT_EQ(removal.report().ground_voxels, 0U);
   // What is left is R against its threshold, voxel by voxel.

@@ -1,0 +1,73 @@
+#include "core/dor/surroundings.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mapkeep {
+namespace {
+
+constexpr double kCell = 0.2;  // metres
+constexpr int kReach = 2;      // cells
+
+EvidenceAround EvidenceOf(const VoxelCounts& counts, uint32_t id, double unsteady_below) {
+  EvidenceAround evidence{.voxels = 1, .voids = counts.confirmed[id] > 0 ? uint64_t{1} : 0};
+  evidence.hits = counts.hits[id];
+  evidence.exposures = counts.exposures[id];
+  if (counts.hits[id] < unsteady_below * (counts.hits[id] + counts.exposures[id])) {
+    evidence.unsteady_hits = counts.hits[id];
+    // Without the order of the scans nobody knows what came after what.
+    evidence.unsteady_returns = counts.ordered ? counts.returns[id] : 0;
+  }
+  return evidence;
+}
+
+}  // namespace
+
+Surroundings::Surroundings(const VoxelGrid& grid, const VoxelCounts& counts, double voxel_size, double unsteady_below,
+                           const std::function<bool(uint32_t id)>& is_part)
+    : edge_(std::max(1, static_cast<int>(std::lround(kCell / voxel_size)))) {
+  const auto for_each = [&](const auto& visit) {
+    for (size_t brick = 0; brick < grid.brick_count(); ++brick) {
+      grid.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& voxel) {
+        if (is_part(id)) visit(id, CellOf(voxel));
+      });
+    }
+  };
+  for_each([&](uint32_t, const VoxelIndex& cell) { cells_.Insert(cell); });
+  cells_.Finish();
+  sums_.resize(cells_.size());
+  for_each([&](uint32_t id, const VoxelIndex& cell) {
+    sums_[cells_.Find(cell)].Add(EvidenceOf(counts, id, unsteady_below));
+  });
+}
+
+VoxelIndex Surroundings::CellOf(const VoxelIndex& voxel) const {
+  const auto at = [&](int32_t c) { return c >= 0 ? c / edge_ : -((edge_ - 1 - c) / edge_); };
+  return {at(voxel.x), at(voxel.y), at(voxel.z)};
+}
+
+EvidenceAround Surroundings::Around(const VoxelIndex& voxel) const {
+  const VoxelIndex at = CellOf(voxel);
+  EvidenceAround sum;
+  VoxelIndex brick_at;
+  int32_t brick = kNoBrick;
+  bool known = false;
+  for (int dz = -kReach; dz <= kReach; ++dz) {
+    for (int dy = -kReach; dy <= kReach; ++dy) {
+      for (int dx = -kReach; dx <= kReach; ++dx) {
+        const VoxelIndex cell{at.x + dx, at.y + dy, at.z + dz};
+        const VoxelIndex in{cell.x >> kBrickBits, cell.y >> kBrickBits, cell.z >> kBrickBits};
+        if (!known || in != brick_at) {
+          brick = cells_.FindBrick(in.x, in.y, in.z);
+          brick_at = in;
+          known = true;
+        }
+        const uint32_t id = brick == kNoBrick ? kNoVoxel : cells_.FindInBrick(brick, cell);
+        if (id != kNoVoxel) sum.Add(sums_[id]);
+      }
+    }
+  }
+  return sum;
+}
+
+}  // namespace mapkeep
