@@ -33,12 +33,12 @@ namespace mapkeep {
 //     lease/<session>             LeaseRow
 //     fence/<session>             the fence of that lease alone: what a commit compares
 //     pin/<reader>                PinRow: the lowest epoch that a daemon reads
-//   values "map/<incarnation>/tile/<tile>"  blocks and leaf of a tile
+//   values "map/<incarnation>/tile/<tile>"  blocks and leaf of a tile, what was derived from them
 //   values "map/<incarnation>/tree"         directories
 //     <kind><place><attempt><round>         see ValueName
 
-/// What a value is: a block, or a node of the tree at a level (0: a leaf).
-enum class ValueKind : uint8_t { kLeaf = 0, kBlock = 0xff };
+/// What a value is: a block, a node of the tree at a level (0: a leaf), or what was derived from a leaf's tile.
+enum class ValueKind : uint8_t { kLeaf = 0, kDerived = 0xfe, kBlock = 0xff };
 
 /// The name of one immutable value of a map.
 struct ValueName {
@@ -52,6 +52,9 @@ struct ValueName {
     return H::combine(std::move(h), name.kind, name.place, name.written.attempt, name.written.round);
   }
 };
+
+/// The name of what is derived from the tile of a leaf. No tree names it: it goes with its leaf (DeleteNamed).
+inline ValueName DerivedFrom(const ValueName& leaf) { return {ValueKind::kDerived, leaf.place, leaf.written}; }
 
 inline std::string Hex(uint64_t number) { return Text(absl::Hex(number, absl::kZeroPad16)); }
 
@@ -94,10 +97,11 @@ inline std::string TileGroup(uint64_t incarnation, TileKey tile) {
   return Text("map/", Hex(incarnation), "/tile/", absl::Hex(static_cast<uint32_t>(tile), absl::kZeroPad8));
 }
 
-/// The group that holds a value: blocks and leaves of a tile lie together.
+/// The group that holds a value: all of a tile lies together.
 inline std::string GroupOf(uint64_t incarnation, const ValueName& name) {
   if (name.kind == ValueKind::kBlock) return TileGroup(incarnation, TileKeyOf(BlockKey{name.place}));
-  if (name.kind == ValueKind::kLeaf) return TileGroup(incarnation, TileKey{static_cast<uint32_t>(name.place)});
+  if (name.kind == ValueKind::kLeaf || name.kind == ValueKind::kDerived)
+    return TileGroup(incarnation, TileKey{static_cast<uint32_t>(name.place)});
   return TreeGroup(incarnation);
 }
 

@@ -98,6 +98,13 @@ class Snapshot final {
   /// The blocks of a tile, in order of key, looked up and read together: sooner than BlocksOf and Read of each.
   absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadTile(TileKey tile) const;
 
+  /// What StoreDerived kept for this state of the tile; nothing if there is nothing. DATA_LOSS if it is damaged.
+  absl::StatusOr<std::optional<std::string>> ReadDerived(const TileEntry& tile) const;
+  /// Keeps, for as long as some epoch has this state of the tile, bytes that follow from its content alone: so that
+  /// they are made once, by whichever daemon. One such value a tile; it is replaced by the next. Durable with the next
+  /// durable write. A write that comes later than its failure was reported may stay behind when the tile is gone.
+  absl::Status StoreDerived(const TileEntry& tile, std::string_view bytes) const;
+
   /// Blocks that were written anew, made or deleted between two epochs of one map, in order; those with equal content
   /// may be among them. INVALID_ARGUMENT if the other one is of another map.
   absl::StatusOr<std::vector<BlockKey>> BlocksChangedSince(const Snapshot& before) const;

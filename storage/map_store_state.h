@@ -34,6 +34,7 @@ struct Snapshot::State {
   std::string row;  ///< the bytes of `at`
   MapValues values;
   std::unique_ptr<EpochPins::Hold> hold;
+  Engine& engine;  ///< for what is derived: a snapshot changes nothing else
 };
 
 /// See MapStore::Open.

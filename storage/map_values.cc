@@ -1,14 +1,18 @@
 #include "storage/map_values.h"
 
+#include <algorithm>
 #include <map>
-#include <string>
-#include <vector>
+#include <utility>
 
+#include "core/checksum/crc32c.h"
 #include "storage/block_codec.h"
+#include "storage/byte_planes.h"
 #include "storage/text.h"
 
 namespace mapkeep {
 namespace {
+
+constexpr size_t kChecksumBytes = 4;
 
 std::string Describe(const ValueName& name) {
   if (name.kind != ValueKind::kBlock) return Text("tree node ", Hex(name.place));
@@ -80,6 +84,20 @@ absl::StatusOr<std::shared_ptr<const TreeNode>> MapValues::ReadNode(const ValueN
   return read;
 }
 
+absl::StatusOr<std::optional<std::string>> MapValues::ReadDerived(const ValueName& leaf) const {
+  const ValueName name = DerivedFrom(leaf);
+  absl::StatusOr<std::string> value = engine_.GetValue(GroupOf(incarnation_, name), KeyOf(name));
+  if (absl::IsNotFound(value.status())) return std::nullopt;
+  if (!value.ok()) return value.status();
+  const size_t size = value->size() - std::min(value->size(), kChecksumBytes);
+  if (value->size() < kChecksumBytes ||
+      NumberAt<kChecksumBytes>(value->data() + size) != Crc32c(std::string_view(*value).substr(0, size))) {
+    return absl::DataLossError(Text("what was derived from tile ", Hex(leaf.place), ": its checksum does not match"));
+  }
+  value->resize(size);
+  return *std::move(value);
+}
+
 void MapValues::Remember(const ValueName& name, std::shared_ptr<const Block> block) const {
   const size_t bytes = sizeof(Block) + block->voxels.capacity() * sizeof(Voxel);
   caches_.blocks.Insert({incarnation_, name}, std::move(block), bytes);
@@ -90,9 +108,21 @@ void MapValues::Remember(const ValueName& name, std::shared_ptr<const TreeNode> 
   caches_.nodes.Insert({incarnation_, name}, std::move(node), bytes);
 }
 
+absl::Status StoreDerived(Engine& engine, uint64_t incarnation, const ValueName& leaf, std::string_view bytes) {
+  const ValueName name = DerivedFrom(leaf);
+  std::string value(bytes);
+  AppendNumber<kChecksumBytes>(value, Crc32c(bytes));
+  const ImmutableValue put{KeyOf(name), std::move(value)};
+  return engine.PutValues(GroupOf(incarnation, name), {&put, 1});
+}
+
 absl::Status DeleteNamed(Engine& engine, uint64_t incarnation, std::span<const ValueName> names) {
   std::map<std::string, std::vector<std::string>> keys;
-  for (const ValueName& name : names) keys[GroupOf(incarnation, name)].push_back(KeyOf(name));
+  for (const ValueName& name : names) {
+    std::vector<std::string>& in_group = keys[GroupOf(incarnation, name)];
+    in_group.push_back(KeyOf(name));
+    if (name.kind == ValueKind::kLeaf) in_group.push_back(KeyOf(DerivedFrom(name)));
+  }
   for (const auto& [group, in_group] : keys) {
     if (absl::Status status = engine.DeleteValues(group, in_group); !status.ok()) return status;
   }

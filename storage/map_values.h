@@ -4,7 +4,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -39,6 +42,9 @@ class MapValues final {
   absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(std::span<const ValueName> names) const;
   absl::StatusOr<std::shared_ptr<const TreeNode>> ReadNode(const ValueName& name) const;
 
+  /// What StoreDerived put beside a leaf; nothing if nobody did. DATA_LOSS if it is damaged.
+  absl::StatusOr<std::optional<std::string>> ReadDerived(const ValueName& leaf) const;
+
   /// Puts what was just written where the next reader looks.
   void Remember(const ValueName& name, std::shared_ptr<const Block> block) const;
   void Remember(const ValueName& name, std::shared_ptr<const TreeNode> node) const;
@@ -51,7 +57,12 @@ class MapValues final {
   const uint64_t incarnation_;
 };
 
-/// Deletes values of a map by name, a group at a time. What is not there is fine.
+/// Keeps bytes that follow from the content of a leaf's tile alone, until the leaf is deleted. Whoever calls holds a
+/// pin on an epoch that reaches the leaf, so that it is not deleted before.
+absl::Status StoreDerived(Engine& engine, uint64_t incarnation, const ValueName& leaf, std::string_view bytes);
+
+/// Deletes values of a map by name, a group at a time, and with each leaf what was derived from it. What is not there
+/// is fine.
 absl::Status DeleteNamed(Engine& engine, uint64_t incarnation, std::span<const ValueName> names);
 
 }  // namespace mapkeep

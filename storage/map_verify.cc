@@ -63,7 +63,12 @@ class Verifier {
   }
 
   void Know(const std::vector<ValueName>& names) {
-    for (const ValueName& name : names) known_.emplace(GroupOf(incarnation_, name), KeyOf(name));
+    for (const ValueName& name : names) Know(name);
+  }
+
+  void Know(const ValueName& name) {
+    known_.emplace(GroupOf(incarnation_, name), KeyOf(name));
+    if (name.kind == ValueKind::kLeaf) Know(DerivedFrom(name));
   }
 
   absl::Status CollectNamed() {
@@ -106,7 +111,7 @@ class Verifier {
       if (!(before->second == entry.totals)) Report(epoch, Text("value ", Hex(prefix), " has two different sums"));
       return;
     }
-    known_.emplace(GroupOf(incarnation_, name), KeyOf(name));
+    Know(name);
     if (level < 0) {
       CheckBlock(name, entry, epoch);
     } else {
@@ -121,6 +126,10 @@ class Verifier {
     TreeChild sums = ChildOf(**node, entry.written);
     sums.slot = entry.slot;
     if (!(sums == entry)) Report(epoch, Text("tree node ", Hex(name.place), " is not what its parent says"));
+    if (name.kind == ValueKind::kLeaf) {
+      const auto derived = values_.ReadDerived(name);
+      if (!derived.ok()) Report(epoch, FromAbsl(derived.status().message()));
+    }
     const int bits = level == 0 ? kLeafBits : kDirectoryBits;
     for (const TreeChild& child : (*node)->children) Check(level - 1, name.place << bits | child.slot, child, epoch);
   }

@@ -68,7 +68,7 @@ absl::StatusOr<std::unique_ptr<const Snapshot::State>> OpenState(MapStore::State
     (*record)->value.origin = row->value.origin;
     return std::unique_ptr<const Snapshot::State>(
         new Snapshot::State{(*record)->value, std::move(row->value), std::move(row->bytes),
-                            MapValues(store.engine, store.caches, incarnation), *std::move(hold)});
+                            MapValues(store.engine, store.caches, incarnation), *std::move(hold), store.engine});
   }
   return refused;
 }
@@ -164,6 +164,18 @@ absl::StatusOr<std::vector<std::shared_ptr<const Block>>> Snapshot::ReadTile(Til
   absl::StatusOr<std::vector<std::shared_ptr<const Block>>> blocks = state_->values.ReadBlocks(names);
   if (!blocks.ok()) return Explain(*state_, blocks.status());
   return blocks;
+}
+
+absl::StatusOr<std::optional<std::string>> Snapshot::ReadDerived(const TileEntry& tile) const {
+  return state_->values.ReadDerived({ValueKind::kLeaf, static_cast<uint64_t>(tile.key), tile.version});
+}
+
+absl::Status Snapshot::StoreDerived(const TileEntry& tile, std::string_view bytes) const {
+  if (!state_->hold->Stands()) {
+    return absl::FailedPreconditionError(Text("the pin of epoch ", state_->at.epoch, " has expired"));
+  }
+  return mapkeep::StoreDerived(state_->engine, state_->map.incarnation,
+                               {ValueKind::kLeaf, static_cast<uint64_t>(tile.key), tile.version}, bytes);
 }
 
 absl::StatusOr<std::vector<BlockKey>> Snapshot::BlocksChangedSince(const Snapshot& before) const {

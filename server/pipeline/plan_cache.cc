@@ -6,6 +6,7 @@
 
 #include "server/pipeline/map_target.h"
 #include "server/pipeline/parallel.h"
+#include "server/pipeline/plan_codec.h"
 
 namespace mapkeep {
 namespace {
@@ -28,7 +29,24 @@ absl::StatusOr<PlanPart> PlanOfTile(const Snapshot& map, TileKey tile) {
   return mapkeep::PlanOf(voxels->points, voxels->normals);
 }
 
+// NOT_FOUND if nobody stored one; whatever else is wrong with it, it can be made anew.
+absl::StatusOr<PlanPart> StoredPlan(const Snapshot& map, const TileEntry& tile) {
+  const auto stored = map.ReadDerived(tile);
+  if (!stored.ok()) return stored.status();
+  if (!*stored) return absl::NotFoundError("no plan is stored");
+  return DecodePlan(**stored);
+}
+
 }  // namespace
+
+// That a plan cannot be stored (a full disk) costs time later, and nothing now.
+void PlanCache::Store(const Snapshot& map, const TileEntry& tile, const PlanPart& plan) {
+  const absl::StatusOr<std::string> bytes = EncodePlan(plan);
+  const absl::Status stored = bytes.ok() ? map.StoreDerived(tile, *bytes) : bytes.status();
+  const std::lock_guard lock(mutex_);
+  ++made_;
+  if (!stored.ok()) ++not_stored_;
+}
 
 absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot& map) {
   const std::string epoch = absl::StrCat(map.map().incarnation, " ", map.epoch());
@@ -44,9 +62,13 @@ absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot
     const std::string state = StateOf(map, tile);
     parts[i] = Find(state);
     if (parts[i]) return absl::OkStatus();
-    absl::StatusOr<PlanPart> made = PlanOfTile(map, tile.key);
-    if (!made.ok()) return made.status();
-    parts[i] = std::make_shared<const PlanPart>(*std::move(made));
+    absl::StatusOr<PlanPart> part = StoredPlan(map, tile);
+    if (!part.ok()) {
+      part = PlanOfTile(map, tile.key);
+      if (!part.ok()) return part.status();
+      Store(map, tile, *part);
+    }
+    parts[i] = std::make_shared<const PlanPart>(*std::move(part));
     Keep(state, parts[i]);
     return absl::OkStatus();
   });
@@ -63,6 +85,11 @@ size_t PlanCache::made() const {
   return made_;
 }
 
+size_t PlanCache::not_stored() const {
+  const std::lock_guard lock(mutex_);
+  return not_stored_;
+}
+
 std::shared_ptr<const PlanPart> PlanCache::Find(const std::string& state) {
   const std::lock_guard lock(mutex_);
   const auto found = parts_.find(state);
@@ -73,8 +100,7 @@ std::shared_ptr<const PlanPart> PlanCache::Find(const std::string& state) {
 
 void PlanCache::Keep(const std::string& state, std::shared_ptr<const PlanPart> part) {
   const std::lock_guard lock(mutex_);
-  ++made_;
-  if (parts_.contains(state)) return;  // made twice at once: both are equal
+  if (parts_.contains(state)) return;  // read or made twice at once: both are equal
   bytes_ += BytesOf(*part, state);
   used_.push_front(state);
   parts_.emplace(state, Entry{std::move(part), used_.begin()});

@@ -16,9 +16,9 @@
 
 namespace mapkeep {
 
-/// Plans of maps (core/registration/wall_plan.h), made once for each state of a tile and kept in memory across sessions
-/// and epochs: what a commit left alone is not looked at again. They are not stored: a daemon that starts makes them
-/// when they are first asked for. Thread-safe.
+/// Plans of maps (core/registration/wall_plan.h), made once for each state of a tile, stored beside it, and kept in
+/// memory across sessions and epochs: what a commit left alone is not looked at again, and a daemon that starts reads
+/// plans, not voxels. Thread-safe.
 class PlanCache {
  public:
   /// Keeps about `most_bytes` of tiles, those asked for last.
@@ -27,8 +27,10 @@ class PlanCache {
   /// The plan of a state of a map. Errors of the store are passed on.
   absl::StatusOr<std::shared_ptr<const WallPlan>> PlanOf(const Snapshot& map);
 
-  /// Tiles that were made, rather than found, since the start.
+  /// Tiles that were made, rather than found here or in the store, since the start,
   size_t made() const;
+  /// and those of them that could not be stored.
+  size_t not_stored() const;
 
  private:
   struct Entry {
@@ -37,13 +39,14 @@ class PlanCache {
   };
 
   std::shared_ptr<const PlanPart> Find(const std::string& state);
+  void Store(const Snapshot& map, const TileEntry& tile, const PlanPart& plan);
   void Keep(const std::string& state, std::shared_ptr<const PlanPart> part);
 
   const size_t most_bytes_;
   mutable std::mutex mutex_;
   std::unordered_map<std::string, Entry> parts_;
   std::list<std::string> used_;  ///< last first
-  size_t bytes_ = 0, made_ = 0;
+  size_t bytes_ = 0, made_ = 0, not_stored_ = 0;
   std::string newest_state_;  ///< what `newest_` was made of
   std::shared_ptr<const WallPlan> newest_;
 };

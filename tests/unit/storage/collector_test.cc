@@ -158,6 +158,53 @@ TEST_F(CollectorTest, ACommitThatSleptThroughItsCollectionBeginsAgain) {
   ExpectCounted(*maps_, {0});
 }
 
+TEST_F(CollectorTest, WhatIsDerivedFromATileStaysWithItAndGoesWithIt) {
+  const auto commit = [this](const char* session, uint16_t hits) {
+    CommitRequest request{.session = session};
+    request.blocks = [hits](const Snapshot&) -> absl::StatusOr<std::vector<Block>> {
+      return std::vector<Block>{
+          {.key = BlockKeyOf(VoxelIndex{1, 2, 0}), .voxels = {{.position = 1, .hits = hits, .is_static = true}}}};
+    };
+    ASSERT_DONE(maps_->Commit("m", request));
+  };
+  const auto derived = [](const Snapshot& snapshot, const TileEntry& tile) {
+    const auto bytes = snapshot.ReadDerived(tile);
+    EXPECT_DONE(bytes);
+    return bytes.ok() && *bytes ? **bytes : std::string("nothing");
+  };
+  commit("a", 8);
+  auto before = *maps_->Open("m");
+  const TileEntry old_tile = before->TileEntries({})->at(0);
+  EXPECT_EQ(derived(*before, old_tile), "nothing");
+  ASSERT_DONE(before->StoreDerived(old_tile, "first"));
+  ASSERT_DONE(before->StoreDerived(old_tile, "seen from above")) << "the same tile again";
+  EXPECT_EQ(derived(*before, old_tile), "seen from above");
+  EXPECT_THAT(maps_->Verify("m")->problems, testing::IsEmpty());
+
+  commit("b", 16);
+  auto after = *maps_->Open("m");
+  const TileEntry new_tile = after->TileEntries({})->at(0);
+  EXPECT_EQ(derived(*after, new_tile), "nothing") << "another state of the tile";
+  EXPECT_EQ(derived(*before, old_tile), "seen from above") << "while somebody can read the old one";
+  ASSERT_DONE(after->StoreDerived(new_tile, "later"));
+  before.reset();
+  now_ += kLong;
+  Collect(1);
+  EXPECT_EQ(derived(*after, old_tile), "nothing");
+  EXPECT_EQ(derived(*after, new_tile), "later");
+  EXPECT_THAT(maps_->Verify("m")->problems, testing::IsEmpty());
+
+  const std::string group = TileGroup(incarnation_, new_tile.key);
+  const std::string key = KeyOf(DerivedFrom({ValueKind::kLeaf, static_cast<uint64_t>(new_tile.key), new_tile.version}));
+  const std::string value = *engine_->GetValue(group, key);
+  ASSERT_DONE(engine_->PutValues(group, std::vector{ImmutableValue{key, "L" + value.substr(1)}}));
+  EXPECT_CODE(after->ReadDerived(new_tile).status(), kDataLoss);
+  EXPECT_THAT(maps_->Verify("m")->problems, testing::ElementsAre(HasSubstr("was derived")));
+  after.reset();
+  ASSERT_DONE(maps_->Delete("m"));
+  EXPECT_EQ(CheckMap(*engine_, incarnation_), 0U);
+}
+
 TEST_F(CollectorTest, ADeletedMapLeavesNothing) {
   Commit(0, 5);
   ASSERT_DONE(OpenLeases(*engine_)->Acquire("m", "s", "a", 10));
