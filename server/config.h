@@ -52,6 +52,8 @@ enum class EngineChoice { kRocksDb, kRados };
 /// What the store lies on.
 struct EngineConfig {
   EngineChoice choice = EngineChoice::kRocksDb;
+  int rocksdb_block_cache_mib = 64;   ///< index and data blocks of RocksDB's files kept in memory, MiB
+  int rocksdb_write_buffer_mib = 64;  ///< writes that are not in RocksDB's files yet, all together, MiB
   std::string rados_conf, rados_pool = "mapkeep", rados_namespace, rados_user = "admin", rados_keyring;
 };
 

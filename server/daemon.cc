@@ -19,6 +19,7 @@
 
 #include "server/auth/authority.h"
 #include "server/auth/certificates.h"
+#include "server/background.h"
 #include "server/credential_watch.h"
 #include "server/epoch_feed.h"
 #include "server/housekeeping.h"
@@ -154,7 +155,10 @@ struct Daemon::State {
                               .user = given.rados_user,
                               .keyring = given.rados_keyring});
     }
-    auto opened = OpenRocksDbEngine((fs::path(config.data) / "rocksdb").string());
+    const auto bytes = [](int mib) { return static_cast<size_t>(mib) << 20; };
+    auto opened = OpenRocksDbEngine((fs::path(config.data) / "rocksdb").string(),
+                                    {.block_cache_bytes = bytes(given.rocksdb_block_cache_mib),
+                                     .write_buffer_bytes = bytes(given.rocksdb_write_buffer_mib)});
     if (opened.ok()) {
       RemoveScratchDirectories(config.data);  // the store's lock says that nobody else is here
       return opened;
@@ -170,11 +174,26 @@ struct Daemon::State {
     RemoveScratch(config.data);
     auto opened = OpenEngine();
     if (!opened.ok()) return opened.status();
+    AddRocksDbMetrics(**opened);
     engine = Metered(*std::move(opened), metrics);
     maps = OpenMapStore(*engine, {.block_cache_bytes = static_cast<size_t>(config.limits.block_cache_mib) << 20});
     sessions = OpenSessionStore(*engine);
     leases = OpenLeases(*engine);
     return absl::OkStatus();
+  }
+
+  // `of` is what `engine` measures, and lives as long.
+  void AddRocksDbMetrics(const Engine& of) {
+    if (!MemoryOf(of)) return;
+    const auto part = [&of](auto field) {
+      return [&of, field] { return static_cast<double>(MemoryOf(of).value_or(RocksDbMemory()).*field); };
+    };
+    metrics.AddGauge("mapkeep_rocksdb_write_buffer_bytes", "Writes that RocksDB has in memory",
+                     part(&RocksDbMemory::write_buffers));
+    metrics.AddGauge("mapkeep_rocksdb_block_cache_bytes", "Blocks, indices and filters that RocksDB has in memory",
+                     part(&RocksDbMemory::block_cache));
+    metrics.AddGauge("mapkeep_rocksdb_table_reader_bytes", "What RocksDB holds for open files beside these, estimated",
+                     part(&RocksDbMemory::table_readers));
   }
 
   void MakeQuotas() {
@@ -200,6 +219,8 @@ struct Daemon::State {
                         .lease_seconds = static_cast<double>(config.limits.lease_seconds),
                         .holder = *holder,
                         .stages = config.stages});
+    // gRPC's threads and the pages' are started from this one, too.
+    AnswerSoon();
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
     staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);

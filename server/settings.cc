@@ -208,6 +208,10 @@ std::vector<Setting> MakeSettings() {
            "Sites whose pages may read what HTTP serves"),
 
       StoreEngine("What maps and sessions lie on: RocksDB under `data`, or a pool of a Ceph cluster"),
+      Integer("rocksdb.block_cache_mib", MAPKEEP_FIELD(engine.rocksdb_block_cache_mib), 1, 1 << 20,
+              "MiB of RocksDB's files kept in memory: blocks, indices and filters"),
+      Integer("rocksdb.write_buffer_mib", MAPKEEP_FIELD(engine.rocksdb_write_buffer_mib), 1, 1 << 20,
+              "MiB of writes that are not in RocksDB's files yet; twice as many while they are written there"),
       Path("rados.conf", MAPKEEP_FIELD(engine.rados_conf), true, "a file, or nothing",
            "ceph.conf of the cluster; nothing: where Ceph looks for it"),
       Path("rados.pool", MAPKEEP_FIELD(engine.rados_pool), false, "a name", "Pool, which must exist"),

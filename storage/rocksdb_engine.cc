@@ -232,6 +232,16 @@ class RocksDbEngine final : public Engine {
     return FromRocksDb(status, Text("checkpoint to ", directory));
   }
 
+  RocksDbMemory Memory() const {
+    RocksDbMemory memory;
+    for (rocksdb::ColumnFamilyHandle* family : {default_, rows_, values_, value_keys_, large_values_}) {
+      memory.write_buffers += Number(family, rocksdb::DB::Properties::kSizeAllMemTables);
+      memory.table_readers += Number(family, rocksdb::DB::Properties::kEstimateTableReadersMem);
+    }
+    memory.block_cache = Number(rows_, rocksdb::DB::Properties::kBlockCacheUsage);  // one for all but `default_`
+    return memory;
+  }
+
   /// Lists the values of a directory that an older program made, which kept no list of them.
   absl::Status ListValues() {
     std::string listed;
@@ -247,6 +257,11 @@ class RocksDbEngine final : public Engine {
   }
 
  private:
+  uint64_t Number(rocksdb::ColumnFamilyHandle* family, const std::string& property) const {
+    uint64_t number = 0;
+    return db_->GetIntProperty(family, property, &number) ? number : 0;
+  }
+
   absl::Status CompareAndSet(std::string_view partition, std::span<const Condition> conditions,
                              std::span<const Mutation> mutations, Durability durability) {
     if (absl::Status status = CheckName(partition); !status.ok()) return status;
@@ -430,6 +445,11 @@ absl::StatusOr<std::unique_ptr<Engine>> OpenRocksDbEngine(const std::string& dir
         Text(directory, " is open in another process (or twice in this one): ", status.ToString()));
   }
   return FromRocksDb(status, Text("open ", directory));
+}
+
+std::optional<RocksDbMemory> MemoryOf(const Engine& engine) {
+  const auto* rocksdb_engine = dynamic_cast<const RocksDbEngine*>(&engine);
+  return rocksdb_engine == nullptr ? std::nullopt : std::optional(rocksdb_engine->Memory());
 }
 
 }  // namespace mapkeep

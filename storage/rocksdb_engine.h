@@ -3,7 +3,9 @@
 #include <absl/status/statusor.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "storage/engine.h"
@@ -25,5 +27,15 @@ struct RocksDbOptions {
 /// another process has it open.
 absl::StatusOr<std::unique_ptr<Engine>> OpenRocksDbEngine(const std::string& directory,
                                                           const RocksDbOptions& options = {});
+
+/// Bytes that RocksDB holds in memory. The first three have limits: those of RocksDbOptions, and 1,024 open files.
+struct RocksDbMemory {
+  uint64_t write_buffers = 0;  ///< writes that are not in files yet, and those just written that are still read
+  uint64_t block_cache = 0;    ///< blocks, indices and filters of files
+  uint64_t table_readers = 0;  ///< what it knows of open files beside these, as it estimates
+};
+
+/// Of an engine that OpenRocksDbEngine gave; nothing of another kind.
+std::optional<RocksDbMemory> MemoryOf(const Engine& engine);
 
 }  // namespace mapkeep

@@ -1,5 +1,6 @@
 #include "server/metrics/process_metrics.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -50,6 +51,13 @@ void AddProcessMetrics(Metrics& metrics) {
   const double started = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
   metrics.AddGauge("mapkeep_process_resident_bytes", "Memory of the daemon that is in RAM",
                    [] { return 1024 * StatusNumber("VmRSS:"); });
+  // Both walk through what the allocator has: what is resident and in neither is stacks, programs and mapped files.
+  metrics.AddGauge("mapkeep_process_heap_used_bytes", "Memory that the daemon's parts hold", [] {
+    const auto heap = mallinfo2();
+    return static_cast<double>(heap.uordblks + heap.hblkhd);
+  });
+  metrics.AddGauge("mapkeep_process_heap_free_bytes", "Memory that the allocator holds and nobody uses",
+                   [] { return static_cast<double>(mallinfo2().fordblks); });
   metrics.AddGauge("mapkeep_process_threads", "Threads of the daemon", [] { return StatusNumber("Threads:"); });
   metrics.AddGauge("mapkeep_process_open_files", "Files and sockets that the daemon has open", OpenFiles);
   metrics.AddGauge("mapkeep_process_open_files_limit", "As many as it may have", OpenFileLimit);

@@ -1,6 +1,7 @@
 // What a daemon bears: robots that only stay connected, scans made durable, tiles read meanwhile. Starts a mapkeepd of
 // its own on a temporary directory (TMPDIR says where) and prints one line a figure. Tiles are read by a process of its
-// own, and the robots give way to it and to the daemon: their work is not on the daemon's machine in a fleet.
+// own that wakes as soon as the daemon's threads do, and the robots give way to it and to the daemon: the work of both
+// is not on the daemon's machine in a fleet.
 
 #include <fcntl.h>
 #include <grpcpp/grpcpp.h>
@@ -22,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/background.h"
 #include "tests/integration/any_call.h"
 #include "tests/integration/daemon_process.h"
 #include "tests/integration/http_status.h"
@@ -35,7 +37,6 @@ using Clock = std::chrono::steady_clock;
 constexpr double kMegabyte = 1e6;
 constexpr int kPoints = 120'000;
 constexpr size_t kChunk = size_t{1} << 20;
-constexpr int kRobotNice = 10;
 
 struct Options {
   int idle = 2000;
@@ -164,6 +165,7 @@ void ReadTiles(const std::string& address) {
     while (std::getchar() != EOF) continue;
     done = true;
   });
+  AnswerSoon();
   Robot robot(address);
   v1::GetTilesRequest tile;
   tile.set_map("tiles");
@@ -253,7 +255,7 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
   std::vector<std::thread> robots;
   for (int i = 0; i < options.robots; ++i) {
     robots.emplace_back([&, i] {
-      setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kRobotNice);
+      GiveWay();
       Upload(daemon.listen(), "u" + std::to_string(i), kinds, scans);
     });
   }

@@ -31,7 +31,13 @@ collect_seconds = 5
 block_cache_mib = 16
 http_cache_mib = 16
 watch_seconds = 20
+[rocksdb]
+block_cache_mib = 8
+write_buffer_mib = 16
 """
+# What memory is made up of, as the daemon says: printed, so that one sees what grew if something did.
+PARTS = ("process_heap_used_bytes", "process_heap_free_bytes", "rocksdb_write_buffer_bytes",
+         "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes")
 QUEUES = ("jobs_waiting", "jobs_running", "uploads_open", "upload_pending_bytes", "pool_waiting", "pool_running",
           "staging_waiting", "staging_running")
 
@@ -138,7 +144,7 @@ class SoakTest(unittest.TestCase):
                              daemon.directory / "tiles", "--follow"], stdout=subprocess.DEVNULL)
                     said = soak.settled()
                     samples.append((said["process_resident_bytes"] / 2**20, *soak.descriptors(),
-                                    said["process_threads"]))
+                                    said["process_threads"], *(said[part] / 2**20 for part in PARTS)))
                     self.assertIsNone(follower.poll(), "the follower ended")
             finally:
                 soak.end()
@@ -149,13 +155,13 @@ class SoakTest(unittest.TestCase):
             daemon.cli("admin", "check", "soak")
             self.assertEqual(soak.errors, [])
             self.assertGreater(soak.pages, 0)
-            for name, column in zip(("MiB resident", "other descriptors", "removed files open", "threads"),
-                                    zip(*samples)):
+            for name, column in zip(("MiB resident", "other descriptors", "removed files open", "threads",
+                                     *(f"MiB of {part.removesuffix('_bytes')}" for part in PARTS)), zip(*samples)):
                 print(f"{name}: first {column[0]:.0f}, median of the second third "
                       f"{self.third(column, 1):.0f}, of the last {self.third(column, 2):.0f}, most {max(column):.0f}")
             print(f"{minutes:.1f} minutes, {len(samples)} rounds, {sessions} sessions committed, {soak.pages} pages, "
                   f"{soak.broken_off} connections broken off")
-            memory, others, removed, threads = zip(*samples)
+            memory, others, removed, threads, *_ = zip(*samples)
             self.assertLess(self.third(memory, 2), 1.1 * self.third(memory, 1) + 32)
             # A few connections may just be on their way.
             self.assertLess(self.third(others, 2), self.third(others, 1) + 16)

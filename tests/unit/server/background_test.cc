@@ -4,6 +4,9 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <fstream>
+#include <optional>
+#include <string>
 #include <thread>
 
 namespace mapkeep {
@@ -20,6 +23,31 @@ TEST(Background, OnlyTheThreadThatAsksGivesWay) {
   }).join();
   EXPECT_GT(there, before);
   EXPECT_EQ(NiceOfThisThread(), before);
+}
+
+// As /proc says it; nothing where the kernel knows no slices of one's own.
+std::optional<double> SliceOfThisThread() {
+  std::ifstream file("/proc/self/task/" + std::to_string(gettid()) + "/sched");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("se.slice")) return std::stod(line.substr(line.find(':') + 1));
+  }
+  return std::nullopt;
+}
+
+TEST(Background, WhoAnswersHasShorterSlicesThanWhoGivesWayAndHandsThemOn) {
+  std::optional<double> answering, started, background;
+  std::thread([&] {
+    AnswerSoon();
+    answering = SliceOfThisThread();
+    std::thread([&] {
+      started = SliceOfThisThread();
+      GiveWay();
+      background = SliceOfThisThread();
+    }).join();
+  }).join();
+  if (!answering) GTEST_SKIP() << "this kernel shows no slices";
+  EXPECT_EQ(answering, started);
+  EXPECT_LE(*answering, *background);
 }
 
 }  // namespace

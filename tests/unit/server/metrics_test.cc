@@ -126,7 +126,7 @@ TEST(Metrics, TheProcessIsMeasured) {
   Metrics metrics;
   AddProcessMetrics(metrics);
   const std::string text = metrics.Text();
-  for (const char* name : {"resident_bytes", "threads", "open_files", "open_files_limit", "cpu_seconds_total"}) {
+  for (const char* name : {"resident_bytes", "heap_used_bytes", "heap_free_bytes", "threads", "open_files", "open_files_limit", "cpu_seconds_total"}) {
     EXPECT_THAT(text, HasSubstr(std::string("mapkeep_process_") + name));
     EXPECT_THAT(text, Not(HasSubstr(std::string("mapkeep_process_") + name + " 0\n")));
   }

@@ -173,6 +173,28 @@ TEST(RocksDbEngine, ADamagedLargeValueIsDataLossAndTheOthersAreRead) {
   EXPECT_CODE((*engine)->GetValue("g", "b"), kDataLoss);
 }
 
+TEST(RocksDbEngine, ItsMemoryIsToldAndKeepsToItsLimits) {
+  constexpr size_t kLimit = size_t{4} << 20;
+  const TemporaryDirectory directory;
+  const auto engine =
+      OpenRocksDbEngine(directory.path() + "/db", {.block_cache_bytes = kLimit, .write_buffer_bytes = kLimit});
+  ASSERT_DONE(engine);
+  uint64_t most_buffers = 0, most_cached = 0;
+  for (int i = 0; i < 200; ++i) {
+    std::vector<ImmutableValue> values;
+    for (int v = 0; v < 50; ++v) values.push_back({std::to_string(100 * i + v), std::string(4000, 'v')});
+    ASSERT_DONE((*engine)->PutValues("g", values));
+    for (const ImmutableValue& value : values) ASSERT_DONE((*engine)->GetValue("g", value.key));
+    const std::optional<RocksDbMemory> memory = MemoryOf(**engine);
+    ASSERT_TRUE(memory);
+    most_buffers = std::max(most_buffers, memory->write_buffers);
+    most_cached = std::max(most_cached, memory->block_cache);
+  }
+  EXPECT_GT(most_buffers, kLimit / 4);
+  EXPECT_LT(most_buffers, 8 * kLimit) << "40 MB were written";
+  EXPECT_LT(most_cached, 2 * kLimit);
+}
+
 TEST(RocksDbEngine, ADamagedFileIsDataLoss) {
   const TemporaryDirectory directory;
   const std::string copy = directory.path() + "/copy";
