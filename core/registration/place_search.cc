@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <functional>
@@ -40,19 +41,24 @@ void ScoreBySurface(const Placer&, RefinedPlace& place) { place.score = place.pl
 absl::StatusOr<std::vector<RefinedPlace>> Refined(std::span<const PoseCandidate> candidates, const WindowCloud& window,
                                                   const TargetMap& map, const AlignParameters& parameters,
                                                   const Scorer& score) {
-  std::vector<RefinedPlace> places;
-  for (const PoseCandidate& candidate : candidates) {
-    const Eigen::AlignedBox3d box = BoxAbout(window.fine().points, candidate.pose, kTargetMargin);
+  std::vector<absl::Status> read(candidates.size());
+  std::vector<RefinedPlace> refined(candidates.size());
+  // Most of a candidate's time is its search tree, which is built by one thread.
+  tbb::parallel_for(size_t{0}, candidates.size(), [&](size_t i) {
+    const Eigen::AlignedBox3d box = BoxAbout(window.fine().points, candidates[i].pose, kTargetMargin);
     auto target = map.points(std::span(&box, 1));
-    if (!target.ok()) return target.status();
+    read[i] = target.status();
+    if (!target.ok()) return;
     const Placer placer(*std::move(target), parameters);
-    RefinedPlace place{.placement = placer.Place(window, candidate.pose), .matches = candidate.inliers};
-    if (std::ranges::any_of(
-            places, [&](const RefinedPlace& held) { return SamePlace(held.placement.pose, place.placement.pose); })) {
-      continue;
-    }
-    score(placer, place);
-    places.push_back(std::move(place));
+    refined[i] = {.placement = placer.Place(window, candidates[i].pose), .matches = candidates[i].inliers};
+    score(placer, refined[i]);
+  });
+  std::vector<RefinedPlace> places;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (!read[i].ok()) return read[i];
+    const bool held = std::ranges::any_of(
+        places, [&](const RefinedPlace& place) { return SamePlace(place.placement.pose, refined[i].placement.pose); });
+    if (!held) places.push_back(std::move(refined[i]));
   }
   std::ranges::stable_sort(places, std::greater<>{}, &RefinedPlace::score);
   return places;

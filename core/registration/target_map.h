@@ -21,8 +21,8 @@ struct RegistrationTarget {
   std::vector<Eigen::Vector3d> normals;  ///< unit, towards the free side; or zero where unknown
 };
 
-/// The map as registration reads it: never more than is asked for. All may be called from one thread at a time and
-/// give the same bytes every time.
+/// The map as registration reads it: never more than is asked for. `points` may be called from several threads at once,
+/// the others from one at a time; all give the same bytes every time.
 struct TargetMap {
   /// The static voxels in any of the boxes (and perhaps some around them).
   std::function<absl::StatusOr<RegistrationTarget>(std::span<const Eigen::AlignedBox3d> boxes)> points;
