@@ -30,6 +30,9 @@ class PlanCache {
   /// Tiles that were made, rather than found, since the start.
   size_t made() const;
 
+  /// Bytes of tiles that it keeps.
+  size_t bytes() const;
+
  private:
   struct Entry {
     std::shared_ptr<const PlanPart> part;
