@@ -286,6 +286,8 @@ struct Daemon::State {
     }
     metrics.AddGauge("mapkeep_scan_cache_bytes", "Bytes of decoded scans that sessions at work keep",
                      [this] { return static_cast<double>(scan_memory->used()); });
+    metrics.AddGauge("mapkeep_plan_cache_bytes", "Bytes of plans of tiles that alignment keeps",
+                     [this] { return static_cast<double>(plans.bytes()); });
     const auto use = [this](auto field) {
       return [this, field] { return static_cast<double>(quotas->Total().*field); };
     };

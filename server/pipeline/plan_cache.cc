@@ -80,6 +80,11 @@ absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot
   return plan;
 }
 
+size_t PlanCache::bytes() const {
+  const std::lock_guard lock(mutex_);
+  return bytes_;
+}
+
 size_t PlanCache::made() const {
   const std::lock_guard lock(mutex_);
   return made_;

@@ -32,6 +32,9 @@ class PlanCache {
   /// and those of them that could not be stored.
   size_t not_stored() const;
 
+  /// Bytes of tiles that it keeps.
+  size_t bytes() const;
+
  private:
   struct Entry {
     std::shared_ptr<const PlanPart> part;

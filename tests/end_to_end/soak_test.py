@@ -37,7 +37,7 @@ write_buffer_mib = 16
 """
 # What memory is made up of, as the daemon says: printed, so that one sees what grew if something did.
 PARTS = ("process_heap_used_bytes", "process_heap_free_bytes", "rocksdb_write_buffer_bytes",
-         "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes")
+         "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes", "plan_cache_bytes")
 QUEUES = ("jobs_waiting", "jobs_running", "uploads_open", "upload_pending_bytes", "pool_waiting", "pool_running",
           "staging_waiting", "staging_running")
 
