@@ -67,7 +67,7 @@ struct DorParameters {
   /// Keep what is dynamic by its R where its own hits and its surroundings (0.5 m) speak for leaves or for a surface at
   /// a grazing angle: if the sum of these weights is above 1.
   bool doubt = true;
-  double doubt_hits = 0.067;     ///< a natural logarithm of the scans that hit the voxel
+  double doubt_hits = 0.067;      ///< a natural logarithm of the scans that hit the voxel
   double doubt_returns = 1.87;    ///< of the share of hits that came after exposures, where R is below the candidates'
   double doubt_stability = 1.33;  ///< of the hits in hits and exposures
   double doubt_voids = 0.667;     ///< of the share of voxels that were confirmed voids: speaks for having moved
