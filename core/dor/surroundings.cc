@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mapkeep {
 namespace {
@@ -24,12 +25,20 @@ EvidenceAround EvidenceOf(const VoxelCounts& counts, uint32_t id, double unstead
 }  // namespace
 
 Surroundings::Surroundings(const VoxelGrid& grid, const VoxelCounts& counts, double voxel_size, double unsteady_below,
-                           const std::function<bool(uint32_t id)>& is_part)
-    : edge_(std::max(1, static_cast<int>(std::lround(kCell / voxel_size)))) {
+                           std::function<bool(uint32_t id)> is_part)
+    : grid_(grid),
+      counts_(counts),
+      unsteady_below_(unsteady_below),
+      is_part_(std::move(is_part)),
+      edge_(std::max(1, static_cast<int>(std::lround(kCell / voxel_size)))) {
+  if (edge_ > 1) SumCells();
+}
+
+void Surroundings::SumCells() {
   const auto for_each = [&](const auto& visit) {
-    for (size_t brick = 0; brick < grid.brick_count(); ++brick) {
-      grid.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& voxel) {
-        if (is_part(id)) visit(id, CellOf(voxel));
+    for (size_t brick = 0; brick < grid_.brick_count(); ++brick) {
+      grid_.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& voxel) {
+        if (is_part_(id)) visit(id, CellOf(voxel));
       });
     }
   };
@@ -37,7 +46,7 @@ Surroundings::Surroundings(const VoxelGrid& grid, const VoxelCounts& counts, dou
   cells_.Finish();
   sums_.resize(cells_.size());
   for_each([&](uint32_t id, const VoxelIndex& cell) {
-    sums_[cells_.Find(cell)].Add(EvidenceOf(counts, id, unsteady_below));
+    sums_[cells_.Find(cell)].Add(EvidenceOf(counts_, id, unsteady_below_));
   });
 }
 
@@ -47,6 +56,7 @@ VoxelIndex Surroundings::CellOf(const VoxelIndex& voxel) const {
 }
 
 EvidenceAround Surroundings::Around(const VoxelIndex& voxel) const {
+  const VoxelGrid& cells = edge_ > 1 ? cells_ : grid_;
   const VoxelIndex at = CellOf(voxel);
   EvidenceAround sum;
   VoxelIndex brick_at;
@@ -58,12 +68,17 @@ EvidenceAround Surroundings::Around(const VoxelIndex& voxel) const {
         const VoxelIndex cell{at.x + dx, at.y + dy, at.z + dz};
         const VoxelIndex in{cell.x >> kBrickBits, cell.y >> kBrickBits, cell.z >> kBrickBits};
         if (!known || in != brick_at) {
-          brick = cells_.FindBrick(in.x, in.y, in.z);
+          brick = cells.FindBrick(in.x, in.y, in.z);
           brick_at = in;
           known = true;
         }
-        const uint32_t id = brick == kNoBrick ? kNoVoxel : cells_.FindInBrick(brick, cell);
-        if (id != kNoVoxel) sum.Add(sums_[id]);
+        const uint32_t id = brick == kNoBrick ? kNoVoxel : cells.FindInBrick(brick, cell);
+        if (id == kNoVoxel) continue;
+        if (edge_ > 1) {
+          sum.Add(sums_[id]);
+        } else if (is_part_(id)) {
+          sum.Add(EvidenceOf(counts_, id, unsteady_below_));
+        }
       }
     }
   }

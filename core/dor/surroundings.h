@@ -34,22 +34,28 @@ struct EvidenceAround {
   }
 };
 
-/// Answers what the evidence about the surroundings of a voxel is: sums in cells of about 0.2 m, or one voxel where
-/// voxels are larger.
+/// Answers what the evidence about the surroundings of a voxel is, by cells of about 0.2 m: sums over the voxels of a
+/// cell, or the voxels themselves where they are not smaller.
 class Surroundings {
  public:
-  /// Of the voxels of the grid for which `is_part` says so. `unsteady_below`: R below which a voxel is unsteady.
+  /// Of the voxels of the grid for which `is_part` says so. `unsteady_below`: R below which a voxel is unsteady. Grid
+  /// and counts outlive this.
   Surroundings(const VoxelGrid& grid, const VoxelCounts& counts, double voxel_size, double unsteady_below,
-               const std::function<bool(uint32_t id)>& is_part);
+               std::function<bool(uint32_t id)> is_part);
 
   /// Within two cells to every side of the voxel's. From several threads at once.
   EvidenceAround Around(const VoxelIndex& voxel) const;
 
  private:
   VoxelIndex CellOf(const VoxelIndex& voxel) const;
+  void SumCells();
 
-  int edge_;  // of a cell, in voxel edges
-  VoxelGrid cells_;
+  const VoxelGrid& grid_;
+  const VoxelCounts& counts_;
+  double unsteady_below_;
+  std::function<bool(uint32_t id)> is_part_;
+  int edge_;                          // of a cell, in voxel edges; at 1 there are no other cells than the voxels
+  VoxelGrid cells_;                   // else
   std::vector<EvidenceAround> sums_;  // by id of the cell
 };
 
