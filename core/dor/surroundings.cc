@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace mapkeep {
@@ -42,11 +43,20 @@ void Surroundings::SumCells() {
       });
     }
   };
-  for_each([&](uint32_t, const VoxelIndex& cell) { cells_.Insert(cell); });
+  // Voxels that follow each other mostly share a cell.
+  std::optional<VoxelIndex> last;
+  for_each([&](uint32_t, const VoxelIndex& cell) {
+    if (last != cell) cells_.Insert(cell);
+    last = cell;
+  });
   cells_.Finish();
   sums_.resize(cells_.size());
+  last.reset();
+  uint32_t at = 0;
   for_each([&](uint32_t id, const VoxelIndex& cell) {
-    sums_[cells_.Find(cell)].Add(EvidenceOf(counts_, id, unsteady_below_));
+    if (last != cell) at = cells_.Find(cell);
+    last = cell;
+    sums_[at].Add(EvidenceOf(counts_, id, unsteady_below_));
   });
 }
 
