@@ -66,31 +66,13 @@ VoxelIndex Surroundings::CellOf(const VoxelIndex& voxel) const {
 }
 
 EvidenceAround Surroundings::Around(const VoxelIndex& voxel) const {
-  const VoxelGrid& cells = edge_ > 1 ? cells_ : grid_;
-  const VoxelIndex at = CellOf(voxel);
   EvidenceAround sum;
-  VoxelIndex brick_at;
-  int32_t brick = kNoBrick;
-  bool known = false;
-  for (int dz = -kReach; dz <= kReach; ++dz) {
-    for (int dy = -kReach; dy <= kReach; ++dy) {
-      for (int dx = -kReach; dx <= kReach; ++dx) {
-        const VoxelIndex cell{at.x + dx, at.y + dy, at.z + dz};
-        const VoxelIndex in{cell.x >> kBrickBits, cell.y >> kBrickBits, cell.z >> kBrickBits};
-        if (!known || in != brick_at) {
-          brick = cells.FindBrick(in.x, in.y, in.z);
-          brick_at = in;
-          known = true;
-        }
-        const uint32_t id = brick == kNoBrick ? kNoVoxel : cells.FindInBrick(brick, cell);
-        if (id == kNoVoxel) continue;
-        if (edge_ > 1) {
-          sum.Add(sums_[id]);
-        } else if (is_part_(id)) {
-          sum.Add(EvidenceOf(counts_, id, unsteady_below_));
-        }
-      }
-    }
+  if (edge_ > 1) {
+    cells_.ForEachWithin(kReach, CellOf(voxel), [&](uint32_t cell, int, int, int) { sum.Add(sums_[cell]); });
+  } else {
+    grid_.ForEachWithin(kReach, voxel, [&](uint32_t id, int, int, int) {
+      if (is_part_(id)) sum.Add(EvidenceOf(counts_, id, unsteady_below_));
+    });
   }
   return sum;
 }

@@ -58,25 +58,7 @@ class Scene {
   // included.
   template <typename Visit>
   void ForEachWithin(int reach, uint32_t id, const Visit& visit) const {
-    const VoxelIndex& at = indices_[id];
-    VoxelIndex brick_at;
-    int32_t brick = kNoBrick;
-    bool known = false;
-    for (int dz = -reach; dz <= reach; ++dz) {
-      for (int dy = -reach; dy <= reach; ++dy) {
-        for (int dx = -reach; dx <= reach; ++dx) {
-          const VoxelIndex voxel{at.x + dx, at.y + dy, at.z + dz};
-          const VoxelIndex in{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
-          if (!known || in != brick_at) {
-            brick = grid_.FindBrick(in.x, in.y, in.z);
-            brick_at = in;
-            known = true;
-          }
-          const uint32_t other = brick == kNoBrick ? kNoVoxel : grid_.FindInBrick(brick, voxel);
-          if (other != kNoVoxel) visit(other, dx, dy, dz);
-        }
-      }
-    }
+    grid_.ForEachWithin(reach, indices_[id], visit);
   }
 
   // Calls work(id) for all voxels, in parallel.

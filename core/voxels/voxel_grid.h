@@ -100,6 +100,29 @@ class VoxelGrid {
     return (bits_[brick][layer] & bit) == 0 ? kNoVoxel : IdInBrick(brick, layer, bit);
   }
 
+  /// Calls visit(id, dx, dy, dz) for the voxels at most `reach` away from `at` an axis, itself included, x fastest.
+  template <typename Visit>
+  void ForEachWithin(int reach, const VoxelIndex& at, const Visit& visit) const {
+    VoxelIndex brick_at;
+    int32_t brick = kNoBrick;
+    bool known = false;
+    for (int dz = -reach; dz <= reach; ++dz) {
+      for (int dy = -reach; dy <= reach; ++dy) {
+        for (int dx = -reach; dx <= reach; ++dx) {
+          const VoxelIndex voxel{at.x + dx, at.y + dy, at.z + dz};
+          const VoxelIndex in{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
+          if (!known || in != brick_at) {
+            brick = FindBrick(in.x, in.y, in.z);
+            brick_at = in;
+            known = true;
+          }
+          const uint32_t id = brick == kNoBrick ? kNoVoxel : FindInBrick(brick, voxel);
+          if (id != kNoVoxel) visit(id, dx, dy, dz);
+        }
+      }
+    }
+  }
+
   /// Calls visit(id, index) for every voxel of a brick, ids rising.
   template <typename Visit>
   void ForEachInBrick(int32_t brick, const Visit& visit) const {

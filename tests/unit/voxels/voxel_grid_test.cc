@@ -74,6 +74,33 @@ TEST(VoxelGrid, BricksGiveTheirVoxelsInTheOrderOfIds) {
   EXPECT_EQ(next, grid.size());
 }
 
+TEST(VoxelGrid, WithinAReachItGivesWhatFindGives) {
+  VoxelGrid grid;
+  const auto voxels = SomeVoxels(6, 60);
+  for (const VoxelIndex& voxel : voxels) grid.Insert(voxel);
+  grid.Finish();
+  size_t met = 0;
+  for (size_t i = 0; i < 50; ++i) {
+    const VoxelIndex at = voxels[i];
+    std::vector<uint32_t> expected, found;
+    for (int dz = -2; dz <= 2; ++dz) {
+      for (int dy = -2; dy <= 2; ++dy) {
+        for (int dx = -2; dx <= 2; ++dx) {
+          const uint32_t id = grid.Find({at.x + dx, at.y + dy, at.z + dz});
+          if (id != kNoVoxel) expected.push_back(id);
+        }
+      }
+    }
+    grid.ForEachWithin(2, at, [&](uint32_t id, int dx, int dy, int dz) {
+      EXPECT_EQ(id, grid.Find({at.x + dx, at.y + dy, at.z + dz}));
+      found.push_back(id);
+    });
+    EXPECT_EQ(found, expected);
+    met += found.size();
+  }
+  EXPECT_GE(met, 50U) << "each meets itself at least";
+}
+
 TEST(VoxelGrid, SortsByKey) {
   VoxelGrid grid;
   for (const VoxelIndex& voxel : SomeVoxels(5, 100)) grid.Insert(voxel);
