@@ -28,6 +28,7 @@ struct Limits {
   int upload_pending_mib = 32;  ///< scans of one upload that are received but not durable yet, MiB
   int block_cache_mib = 256;    ///< decoded blocks kept in memory, MiB
   int scan_cache_mib = 256;     ///< decoded scans of sessions at work kept in memory, MiB
+  int plan_cache_mib = 256;     ///< plans of tiles kept in memory, MiB
   int rpc_memory_mib = 512;     ///< gRPC's buffers of all connections together, MiB
   int keepalive_seconds = 20;   ///< of silence after which a gRPC peer is asked whether it is there
   int handshake_seconds = 20;   ///< in which a new gRPC connection must have said who it is

@@ -101,7 +101,7 @@ struct Daemon::State {
   std::unique_ptr<Leases> leases;
   SessionFeed feed;
   std::unique_ptr<EpochFeed> epochs;
-  PlanCache plans;
+  std::unique_ptr<PlanCache> plans;
   std::shared_mutex map_lifetimes;
   std::unique_ptr<ScanMemory> scan_memory;
   std::unique_ptr<Pipeline> pipeline;
@@ -211,8 +211,9 @@ struct Daemon::State {
     const auto holder = HolderName(config.data);
     if (!holder.ok()) return holder.status();
     scan_memory = std::make_unique<ScanMemory>(static_cast<size_t>(config.limits.scan_cache_mib) << 20);
+    plans = std::make_unique<PlanCache>(static_cast<size_t>(config.limits.plan_cache_mib) << 20);
     pipeline = std::make_unique<Pipeline>(
-        PipelineStores{*maps, *sessions, *leases, feed, plans, &pipeline_events, scan_memory.get()},
+        PipelineStores{*maps, *sessions, *leases, feed, *plans, &pipeline_events, scan_memory.get()},
         PipelineOptions{.threads = config.threads,
                         .jobs = config.limits.jobs,
                         .serial_per_map = config.serial_per_map,
@@ -224,7 +225,7 @@ struct Daemon::State {
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
     staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);
-    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, plans, *pool, *staging,
+    auto started = RpcServer::Start(config.listen, {*engine, *maps, *sessions, feed, *pipeline, *plans, *pool, *staging,
                                                     config, *gate, call_metrics, *quotas, map_lifetimes, *epochs});
     if (!started.ok()) return started.status();
     rpc = *std::move(started);
@@ -287,7 +288,11 @@ struct Daemon::State {
     metrics.AddGauge("mapkeep_scan_cache_bytes", "Bytes of decoded scans that sessions at work keep",
                      [this] { return static_cast<double>(scan_memory->used()); });
     metrics.AddGauge("mapkeep_plan_cache_bytes", "Bytes of plans of tiles that alignment keeps",
-                     [this] { return static_cast<double>(plans.bytes()); });
+                     [this] { return static_cast<double>(plans->bytes()); });
+    metrics.AddCount("mapkeep_plans_made_total", "Plans of tiles that were made, found neither in memory nor stored",
+                     [this] { return static_cast<double>(plans->made()); });
+    metrics.AddCount("mapkeep_plans_not_stored_total", "Those of them that could not be stored beside their tile",
+                     [this] { return static_cast<double>(plans->not_stored()); });
     const auto use = [this](auto field) {
       return [this, field] { return static_cast<double>(quotas->Total().*field); };
     };

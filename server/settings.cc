@@ -239,6 +239,10 @@ std::vector<Setting> MakeSettings() {
               "MiB of decoded blocks kept in memory"),
       Integer("limits.scan_cache_mib", MAPKEEP_FIELD(limits.scan_cache_mib), 0, 1 << 20,
               "MiB of decoded scans of the sessions at work kept in memory, so that not every stage reads them anew"),
+      Integer(
+          "limits.plan_cache_mib", MAPKEEP_FIELD(limits.plan_cache_mib), 1, 1 << 20,
+          "MiB of plans of tiles that first matches look into kept in memory, of each tile the last; others are read "
+          "from the store"),
       Integer("limits.rpc_memory_mib", MAPKEEP_FIELD(limits.rpc_memory_mib), 32, 1 << 20,
               "MiB of gRPC's buffers, and as many of scans not durable yet, of all clients together; near it all are "
               "read more slowly"),

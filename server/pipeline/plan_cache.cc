@@ -11,15 +11,16 @@
 namespace mapkeep {
 namespace {
 
-size_t BytesOf(const PlanPart& part, const std::string& state) {
-  return part.walls.size() * sizeof(PlanWall) + part.floors.size() * sizeof(PlanFloor) + 2 * state.size() + 128;
+size_t BytesOf(const PlanPart& part, const std::string& tile) {
+  return part.walls.size() * sizeof(PlanWall) + part.floors.size() * sizeof(PlanFloor) + 2 * tile.size() + 160;
+}
+
+std::string NameOf(const Snapshot& map, const TileEntry& tile) {
+  return absl::StrCat(map.map().incarnation, " ", static_cast<uint64_t>(tile.key));
 }
 
 // Two contents of a tile never share it.
-std::string StateOf(const Snapshot& map, const TileEntry& tile) {
-  return absl::StrCat(map.map().incarnation, " ", static_cast<uint64_t>(tile.key), " ", tile.version.attempt, " ",
-                      tile.version.round);
-}
+std::string StateOf(const TileEntry& tile) { return absl::StrCat(tile.version.attempt, " ", tile.version.round); }
 
 absl::StatusOr<PlanPart> PlanOfTile(const Snapshot& map, TileKey tile) {
   const absl::StatusOr<std::vector<BlockKey>> keys = map.BlocksOf(tile);
@@ -59,8 +60,8 @@ absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot
   std::vector<std::shared_ptr<const PlanPart>> parts(tiles->size());
   const absl::Status status = ParallelFor(tiles->size(), [&](size_t i) -> absl::Status {
     const TileEntry& tile = (*tiles)[i];
-    const std::string state = StateOf(map, tile);
-    parts[i] = Find(state);
+    const std::string name = NameOf(map, tile), state = StateOf(tile);
+    parts[i] = Find(name, state);
     if (parts[i]) return absl::OkStatus();
     absl::StatusOr<PlanPart> part = StoredPlan(map, tile);
     if (!part.ok()) {
@@ -69,7 +70,7 @@ absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot
       Store(map, tile, *part);
     }
     parts[i] = std::make_shared<const PlanPart>(*std::move(part));
-    Keep(state, parts[i]);
+    Keep(name, state, parts[i]);
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
@@ -95,26 +96,30 @@ size_t PlanCache::not_stored() const {
   return not_stored_;
 }
 
-std::shared_ptr<const PlanPart> PlanCache::Find(const std::string& state) {
+std::shared_ptr<const PlanPart> PlanCache::Find(const std::string& tile, const std::string& state) {
   const std::lock_guard lock(mutex_);
-  const auto found = parts_.find(state);
-  if (found == parts_.end()) return nullptr;
+  const auto found = parts_.find(tile);
+  if (found == parts_.end() || found->second.state != state) return nullptr;
   used_.splice(used_.begin(), used_, found->second.use);
   return found->second.part;
 }
 
-void PlanCache::Keep(const std::string& state, std::shared_ptr<const PlanPart> part) {
+void PlanCache::Keep(const std::string& tile, const std::string& state, std::shared_ptr<const PlanPart> part) {
   const std::lock_guard lock(mutex_);
-  if (parts_.contains(state)) return;  // read or made twice at once: both are equal
-  bytes_ += BytesOf(*part, state);
-  used_.push_front(state);
-  parts_.emplace(state, Entry{std::move(part), used_.begin()});
-  while (bytes_ > most_bytes_ && used_.size() > 1) {
-    const auto last = parts_.find(used_.back());
-    bytes_ -= BytesOf(*last->second.part, last->first);
-    parts_.erase(last);
-    used_.pop_back();
-  }
+  Drop(tile);
+  bytes_ += BytesOf(*part, tile);
+  used_.push_front(tile);
+  parts_.emplace(tile, Entry{state, std::move(part), used_.begin()});
+  while (bytes_ > most_bytes_ && used_.size() > 1) Drop(std::string(used_.back()));
+}
+
+// With the mutex held.
+void PlanCache::Drop(const std::string& tile) {
+  const auto found = parts_.find(tile);
+  if (found == parts_.end()) return;
+  bytes_ -= BytesOf(*found->second.part, tile);
+  used_.erase(found->second.use);
+  parts_.erase(found);
 }
 
 }  // namespace mapkeep

@@ -18,7 +18,8 @@ namespace mapkeep {
 
 /// Plans of maps (core/registration/wall_plan.h), made once for each state of a tile, stored beside it, and kept in
 /// memory across sessions and epochs: what a commit left alone is not looked at again, and a daemon that starts reads
-/// plans, not voxels. Thread-safe.
+/// plans, not voxels. Of each tile the state asked for last is kept, so that memory grows with the maps, not with their
+/// history; an older one is read from the store again. Thread-safe.
 class PlanCache {
  public:
   /// Keeps about `most_bytes` of tiles, those asked for last.
@@ -37,18 +38,20 @@ class PlanCache {
 
  private:
   struct Entry {
+    std::string state;  ///< of the tile's content
     std::shared_ptr<const PlanPart> part;
     std::list<std::string>::iterator use;
   };
 
-  std::shared_ptr<const PlanPart> Find(const std::string& state);
+  std::shared_ptr<const PlanPart> Find(const std::string& tile, const std::string& state);
   void Store(const Snapshot& map, const TileEntry& tile, const PlanPart& plan);
-  void Keep(const std::string& state, std::shared_ptr<const PlanPart> part);
+  void Keep(const std::string& tile, const std::string& state, std::shared_ptr<const PlanPart> part);
+  void Drop(const std::string& tile);
 
   const size_t most_bytes_;
   mutable std::mutex mutex_;
-  std::unordered_map<std::string, Entry> parts_;
-  std::list<std::string> used_;  ///< last first
+  std::unordered_map<std::string, Entry> parts_;  ///< by tile
+  std::list<std::string> used_;                   ///< last first
   size_t bytes_ = 0, made_ = 0, not_stored_ = 0;
   std::string newest_state_;  ///< what `newest_` was made of
   std::shared_ptr<const WallPlan> newest_;

@@ -30,6 +30,7 @@ collect_seconds = 5
 [limits]
 block_cache_mib = 16
 http_cache_mib = 16
+plan_cache_mib = 4
 watch_seconds = 20
 [rocksdb]
 block_cache_mib = 8
@@ -37,7 +38,8 @@ write_buffer_mib = 16
 """
 # What memory is made up of, as the daemon says: printed, so that one sees what grew if something did.
 PARTS = ("process_heap_used_bytes", "process_heap_free_bytes", "rocksdb_write_buffer_bytes",
-         "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes", "plan_cache_bytes")
+         "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes", "plan_cache_bytes", "scan_cache_bytes",
+         'cache_bytes{cache="blocks"}', 'cache_bytes{cache="nodes"}', 'cache_bytes{cache="tiles"}')
 QUEUES = ("jobs_waiting", "jobs_running", "uploads_open", "upload_pending_bytes", "pool_waiting", "pool_running",
           "staging_waiting", "staging_running")
 
@@ -89,7 +91,7 @@ class Soak:
     def metrics(self):
         with urllib.request.urlopen(f"http://{self.daemon.admin}/metrics", timeout=TIMEOUT_S) as answer:
             text = answer.read().decode()
-        return {name: float(value) for name, value in re.findall(r"^mapkeep_(\w+) (\S+)$", text, re.M)}
+        return {name: float(value) for name, value in re.findall(r"^mapkeep_(\S+) (\S+)$", text, re.M)}
 
     def descriptors(self):
         """Sockets and whatever else is no file of the store; files that were removed and are still open."""
@@ -156,7 +158,7 @@ class SoakTest(unittest.TestCase):
             self.assertEqual(soak.errors, [])
             self.assertGreater(soak.pages, 0)
             for name, column in zip(("MiB resident", "other descriptors", "removed files open", "threads",
-                                     *(f"MiB of {part.removesuffix('_bytes')}" for part in PARTS)), zip(*samples)):
+                                     *(f"MiB of {part.replace('_bytes', '')}" for part in PARTS)), zip(*samples)):
                 print(f"{name}: first {column[0]:.0f}, median of the second third "
                       f"{self.third(column, 1):.0f}, of the last {self.third(column, 2):.0f}, most {max(column):.0f}")
             print(f"{minutes:.1f} minutes, {len(samples)} rounds, {sessions} sessions committed, {soak.pages} pages, "

@@ -1,5 +1,6 @@
 #include "server/pipeline/plan_cache.h"
 
+#include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 
 #include "core/voxels/normal.h"
@@ -102,6 +103,32 @@ TEST_F(PlanCacheTest, OnlyWhatACommitTouchedIsMadeAgain) {
   PlanCache restarted;
   ASSERT_DONE(restarted.PlanOf(**maps_->Open("m")));
   EXPECT_EQ(restarted.made(), 0U);
+}
+
+TEST_F(PlanCacheTest, MemoryGrowsWithTheMapAndNotWithItsHistory) {
+  PlanCache plans;
+  ASSERT_DONE(plans.PlanOf(**maps_->Open("m")));
+  const size_t once = plans.bytes();
+  EXPECT_GT(once, 0U);
+  for (uint16_t day = 0; day < 20; ++day) {
+    Commit(absl::StrCat("day", day), {VoxelIndex{500, 5, 0}}, 100 + 8 * day);
+    ASSERT_DONE(plans.PlanOf(**maps_->Open("m")));
+  }
+  EXPECT_EQ(plans.made(), 22U);
+  EXPECT_EQ(plans.bytes(), once);
+  const auto old = *maps_->Open("m", 1);
+  const auto from_store = plans.PlanOf(*old);
+  ASSERT_DONE(from_store);
+  EXPECT_EQ(plans.made(), 22U) << "what went from memory is stored";
+  EXPECT_EQ((*from_store)->tiles_with_floor().size(), 2U);
+}
+
+TEST_F(PlanCacheTest, KeepsNoMoreThanItMay) {
+  PlanCache whole, small(1);
+  const auto all = *whole.PlanOf(**maps_->Open("m")), few = *small.PlanOf(**maps_->Open("m"));
+  EXPECT_LT(small.bytes(), whole.bytes());
+  EXPECT_GT(small.bytes(), 0U);
+  EXPECT_EQ(few->tiles_with_floor(), all->tiles_with_floor());
 }
 
 TEST_F(PlanCacheTest, APlanThatIsDamagedOrOfAnotherVersionIsMadeAnew) {
