@@ -13,6 +13,9 @@ namespace {
 
 constexpr int kNice = 10;                     // a tenth of the weight of a thread at 0, where both want the processor
 constexpr uint64_t kShortestSlice = 100'000;  // nanoseconds: the least that the kernel takes
+// Whoever moves bytes wakes those that make answers, often on its own processor, and would otherwise keep them waiting
+// for as long as there are more bytes.
+constexpr uint64_t kMovingSlice = 150'000;
 // Whoever has given way still gets its turn now and then, and keeps the processor for one slice then: the kernel's own
 // is of some milliseconds.
 constexpr uint64_t kBackgroundSlice = 200'000;
@@ -34,6 +37,8 @@ void GiveWay() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
   Schedule(SCHED_BATCH, getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())), kBackgroundSlice);
 }
+
+void MoveBytes() { Schedule(SCHED_NORMAL, getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())), kMovingSlice); }
 
 void AnswerSoon() { Schedule(SCHED_NORMAL, getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())), kShortestSlice); }
 

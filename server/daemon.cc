@@ -16,6 +16,7 @@
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "server/auth/authority.h"
 #include "server/auth/certificates.h"
@@ -38,6 +39,7 @@
 #include "server/rpc/rpc_server.h"
 #include "server/scratch_directory.h"
 #include "server/service_notice.h"
+#include "server/spare_memory.h"
 #include "server/work_pool.h"
 #include "storage/rados_engine.h"
 #include "storage/rocksdb_engine.h"
@@ -111,6 +113,7 @@ struct Daemon::State {
   std::unique_ptr<PageService> pages;  // nullptr: off
   std::unique_ptr<Housekeeping> housekeeping;
   std::unique_ptr<QuotaWatch> quota_watch;
+  std::unique_ptr<SpareMemory> spare_memory;
   std::unique_ptr<ServiceNotice> notice;
   std::jthread look_elsewhere;  ///< for sessions that other daemons on the pool work on
   bool stopped = false;
@@ -221,7 +224,7 @@ struct Daemon::State {
                         .holder = *holder,
                         .stages = config.stages});
     // gRPC's threads and the pages' are started from this one, too.
-    AnswerSoon();
+    MoveBytes();
     pool = std::make_unique<WorkPool>(config.limits.storage_threads);
     staging = std::make_unique<WorkPool>(config.limits.storage_threads, true);
     epochs = std::make_unique<EpochFeed>(*maps);
@@ -241,6 +244,8 @@ struct Daemon::State {
     }
     housekeeping = std::make_unique<Housekeeping>(*engine, *sessions, config.history, std::move(take_over),
                                                   config.limits.lease_seconds);
+    spare_memory = std::make_unique<SpareMemory>(
+        [this] { return rpc->uploads() > 0 || pipeline->Status().at_work > 0 || pipeline->Status().waiting > 0; });
     AddMetrics();
     return pipeline->ResumeUnfinished();
   }
@@ -270,10 +275,14 @@ struct Daemon::State {
                      [this] { return static_cast<double>(staging->Status().at_work); });
     metrics.AddGauge("mapkeep_uploads_open", "Uploads under way",
                      [this] { return static_cast<double>(rpc->uploads()); });
-    const std::pair<const char*, std::function<CacheUse()>> caches[] = {
+    std::vector<std::pair<const char*, std::function<CacheUse()>>> caches = {
         {"blocks", [this] { return maps->Caches().blocks; }},
         {"nodes", [this] { return maps->Caches().nodes; }},
         {"tiles", [this] { return rpc->tile_cache(); }}};
+    if (pages != nullptr) {
+      caches.emplace_back("http_tiles", [this] { return pages->tile_use(); });
+      caches.emplace_back("http_points", [this] { return pages->point_use(); });
+    }
     for (const auto& [name, of] : caches) {
       const prometheus::Labels labels = {{"cache", name}};
       metrics.AddCount(
@@ -365,6 +374,7 @@ void Daemon::Stop() {
   std::this_thread::sleep_for(std::chrono::seconds(state_->config.limits.drain_seconds));
   state_->housekeeping.reset();
   state_->quota_watch.reset();
+  state_->spare_memory.reset();
   state_->look_elsewhere = {};
   state_->pipeline->Close();
   const std::chrono::seconds patience(state_->config.limits.shutdown_seconds);

@@ -9,7 +9,7 @@ namespace mapkeep {
 WorkPool::WorkPool(int threads, bool background) {
   for (int i = 0; i < threads; ++i) {
     threads_.emplace_back([this, background] {
-      if (background) GiveWay();
+      background ? GiveWay() : AnswerSoon();
       Run();
     });
   }

@@ -84,6 +84,10 @@ int PageService::port() const { return parts_->server->port(); }
 
 TileSourceCounts PageService::tile_counts() const { return parts_->tiles.counts(); }
 
+CacheUse PageService::tile_use() const { return parts_->tiles.encoded_use(); }
+
+CacheUse PageService::point_use() const { return parts_->tiles.kept_use(); }
+
 size_t PageService::connections() const { return parts_->server->connections(); }
 
 uint64_t PageService::requests() const { return parts_->server->requests(); }

@@ -37,6 +37,8 @@ class PageService {
 
   int port() const;
   TileSourceCounts tile_counts() const;
+  CacheUse tile_use() const;   ///< of tiles as they are sent
+  CacheUse point_use() const;  ///< of the points that larger ones are made of
   size_t connections() const;  ///< open now
   uint64_t requests() const;   ///< since the start
 

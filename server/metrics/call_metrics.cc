@@ -29,7 +29,7 @@ CallMetrics::CallMetrics(Metrics& metrics)
                         .Add({})),
       pending_bytes_(prometheus::BuildGauge()
                          .Name("mapkeep_upload_pending_bytes")
-                         .Help("Bytes of whole scans that were received and are not durable yet, all uploads together")
+                         .Help("Bytes of messages and whole scans that were received and are not durable yet, all uploads")
                          .Register(metrics.registry())
                          .Add({})),
       quota_refusals_(prometheus::BuildCounter()

@@ -100,7 +100,7 @@ absl::Status ScanAssembly::Begin(v1::ScanHeader header) {
   return absl::OkStatus();
 }
 
-absl::Status ScanAssembly::Append(const std::string& chunk) {
+absl::Status ScanAssembly::Append(std::string chunk) {
   if (!scan_) return absl::InvalidArgumentError("a chunk outside of a scan: a scan's header comes first");
   if (chunk.size() > kLargestChunk) {
     return absl::InvalidArgumentError(
@@ -109,6 +109,10 @@ absl::Status ScanAssembly::Append(const std::string& chunk) {
   if (scan_->bytes.size() + chunk.size() > Wanted()) {
     return absl::InvalidArgumentError(absl::StrFormat("scan %d: more than the %d bytes of its %d points",
                                                       scan_->header.index(), Wanted(), scan_->header.point_count()));
+  }
+  if (chunk.size() == Wanted()) {
+    scan_->bytes = std::move(chunk);
+    return absl::OkStatus();
   }
   // Not the whole of what a header only claims.
   if (scan_->bytes.empty()) scan_->bytes.reserve(std::min(Wanted(), kReserved));

@@ -28,7 +28,7 @@ class ScanAssembly {
   /// that cannot be.
   absl::Status Begin(v1::ScanHeader header);
   /// INVALID_ARGUMENT without a scan, or beyond its payload or 1 MiB.
-  absl::Status Append(const std::string& chunk);
+  absl::Status Append(std::string chunk);
 
   bool under_way() const { return scan_.has_value(); }
   bool complete() const { return scan_ && scan_->bytes.size() == Wanted(); }

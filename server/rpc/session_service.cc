@@ -68,9 +68,9 @@ grpc::ServerUnaryReactor* SessionService::BeginSession(grpc::CallbackServerConte
   return Answer(call, context_, *request, [=, this](const Call& of) { return Begin(of, *request, *response); });
 }
 
-grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>* SessionService::UploadScans(
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionService::UploadScans(
     grpc::CallbackServerContext* call) {
-  using Reactor = grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>;
+  using Reactor = grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>;
   return Admitted<Reactor>(context_.gate, *call, v1::UploadScansRequest(),
                            [&](Call of) { return NewUpload(context_, *call, std::move(of), uploads_); });
 }

@@ -6,15 +6,24 @@
 
 namespace mapkeep {
 
+/// What the calls of SessionService are on the wire: messages that gRPC decodes, and for uploads their bytes, which
+/// threads that give way decode.
+using SessionCalls = v1::SessionService::WithCallbackMethod_BeginSession<
+    v1::SessionService::WithRawCallbackMethod_UploadScans<v1::SessionService::WithCallbackMethod_CommitSession<
+        v1::SessionService::WithCallbackMethod_GetSession<v1::SessionService::WithCallbackMethod_ListSessions<
+            v1::SessionService::WithCallbackMethod_WatchSession<v1::SessionService::WithCallbackMethod_RetrySession<
+                v1::SessionService::WithCallbackMethod_DeleteSession<
+                    v1::SessionService::WithCallbackMethod_ListScanPoses<v1::SessionService::Service>>>>>>>>>;
+
 /// Sessions: see proto/mapkeep/v1/session_service.proto.
-class SessionService final : public v1::SessionService::CallbackService {
+class SessionService final : public SessionCalls {
  public:
   SessionService(const ServiceContext& context, UploadSlots& uploads) : context_(context), uploads_(uploads) {}
 
   grpc::ServerUnaryReactor* BeginSession(grpc::CallbackServerContext* call, const v1::BeginSessionRequest* request,
                                          v1::BeginSessionResponse* response) override;
-  grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>* UploadScans(
-      grpc::CallbackServerContext* call) override;
+  /// Of UploadScansRequest and UploadScansResponse.
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* UploadScans(grpc::CallbackServerContext* call) override;
   grpc::ServerUnaryReactor* CommitSession(grpc::CallbackServerContext* call, const v1::CommitSessionRequest* request,
                                           v1::CommitSessionResponse* response) override;
   grpc::ServerUnaryReactor* GetSession(grpc::CallbackServerContext* call, const v1::GetSessionRequest* request,

@@ -21,12 +21,12 @@ class TileService final : public TileCalls {
 
   CacheUse buffer_use() const { return buffers_.Use(); }
 
-  /// Constant memory: the next block is read from the store when the last one was written.
+  /// Constant memory: the next block is read from the store while the last one is written.
   grpc::ServerWriteReactor<v1::StreamTilesResponse>* StreamTiles(grpc::CallbackServerContext* call,
                                                                  const v1::StreamTilesRequest* request) override;
   grpc::ServerUnaryReactor* ListTiles(grpc::CallbackServerContext* call, const v1::ListTilesRequest* request,
                                       v1::ListTilesResponse* response) override;
-  /// Constant memory: one tile at a time, here and below. Streams of GetTilesResponse and SyncTilesResponse.
+  /// Constant memory: two tiles at a time, here and below. Streams of GetTilesResponse and SyncTilesResponse.
   grpc::ServerWriteReactor<grpc::ByteBuffer>* GetTiles(grpc::CallbackServerContext* call,
                                                        const grpc::ByteBuffer* request) override;
   grpc::ServerWriteReactor<grpc::ByteBuffer>* SyncTiles(grpc::CallbackServerContext* call,

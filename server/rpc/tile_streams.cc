@@ -91,7 +91,7 @@ class GetSequence {
   GetSequence(const ServiceContext& context, TileBuffers& buffers, Request request)
       : context_(context), buffers_(buffers), request_(std::move(request)) {}
 
-  absl::StatusOr<bool> Next(grpc::ByteBuffer& message) {
+  absl::StatusOr<Pulled> Next(grpc::ByteBuffer& message) {
     if (!selection_.snapshot) {
       auto selected = request_.ids().empty()
                           ? SelectTiles(context_, request_.map(), EpochOf(request_), AreaOf(request_))
@@ -101,16 +101,17 @@ class GetSequence {
       v1::GetTilesResponse response;
       *response.mutable_header() = HeaderOf(*selection_.snapshot);
       message = BufferOf(response);
-      return true;
+      return MoreOrLast();
     }
-    if (next_ == selection_.tiles.size()) return false;
     auto tile = buffers_.Of(*selection_.snapshot, selection_.tiles[next_++], request_.detail());
     if (!tile.ok()) return tile.status();
     message = *std::move(tile);
-    return true;
+    return MoreOrLast();
   }
 
  private:
+  Pulled MoreOrLast() const { return next_ < selection_.tiles.size() ? Pulled::kMore : Pulled::kLast; }
+
   const ServiceContext context_;
   TileBuffers& buffers_;
   const Request request_;
@@ -126,28 +127,29 @@ class SyncSequence {
   SyncSequence(const ServiceContext& context, TileBuffers& buffers, Request request)
       : context_(context), buffers_(buffers), request_(std::move(request)) {}
 
-  absl::StatusOr<bool> Next(grpc::ByteBuffer& message) {
+  absl::StatusOr<Pulled> Next(grpc::ByteBuffer& message) {
     if (!snapshot_) {
       v1::SyncTilesResponse response;
       if (absl::Status status = Open(*response.mutable_header()); !status.ok()) return status;
       message = BufferOf(response);
-      return true;
+      return MoreOrLast();
     }
-    if (next_ == changed_.size()) return false;
     const TileEntry& entry = changed_[next_++];
     if (request_.list_only()) {
       v1::SyncTilesResponse response;
       *response.mutable_info() = DescribeTile(*snapshot_, entry, request_.detail());
       message = BufferOf(response);
-      return true;
+      return MoreOrLast();
     }
     auto tile = buffers_.Of(*snapshot_, entry, request_.detail());
     if (!tile.ok()) return tile.status();
     message = *std::move(tile);
-    return true;
+    return MoreOrLast();
   }
 
  private:
+  Pulled MoreOrLast() const { return next_ < changed_.size() ? Pulled::kMore : Pulled::kLast; }
+
   absl::Status Open(v1::SyncTilesHeader& header) {
     auto selected = SelectTiles(context_, request_.map(), EpochOf(request_), AreaOf(request_));
     if (!selected.ok()) return selected.status();
@@ -187,7 +189,7 @@ BytesReactor* StreamOf(const ServiceContext& context, TileBuffers& buffers, grpc
   }
   return Admitted<BytesReactor>(context.gate, call, request, [&](const Call&) {
     auto sequence = std::make_shared<Sequence>(context, buffers, std::move(request));
-    return new PulledStream<grpc::ByteBuffer>(
+    return PulledStream<grpc::ByteBuffer>::Start(
         context.pool, [sequence](grpc::ByteBuffer& message) { return sequence->Next(message); });
   });
 }

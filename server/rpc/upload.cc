@@ -4,6 +4,7 @@
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,19 +13,28 @@
 #include <vector>
 
 #include "mapkeep/v1/common.pb.h"
+#include "mapkeep/v1/session_service.pb.h"
 #include "server/pipeline/outline.h"
 #include "server/rpc/convert.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/scan_assembly.h"
 #include "server/rpc/sessions.h"
+#include "server/rpc/tile_buffers.h"
 
 namespace mapkeep {
 namespace {
 
-using Reactor = grpc::ServerBidiReactor<v1::UploadScansRequest, v1::UploadScansResponse>;
+using Reactor = grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>;
 
-// The call moves through: reading `open` -> opening (on the pool) -> reading scans, while batches of them are staged
-// (on the pool) and acknowledged -> no more reading, for the client's end or an error -> the last batch -> Finish.
+// Messages that wait to be decoded lie in gRPC's own buffers, which all calls share: few of one upload, and a quarter
+// of the bound on them of all.
+constexpr size_t kMostReceived = size_t{8} << 20;
+constexpr int64_t kShareReceived = 4;
+constexpr size_t kMessageOverhead = 512;  // a byte takes more than a byte there
+
+// The call moves through: reading `open` -> opening (on the pool) -> reading messages, while those that came are put
+// together to scans, and batches of scans staged and acknowledged (both on the pool of uploads, one of each at a time)
+// -> no more reading, for the client's end or an error -> what is left -> Finish.
 class Upload final : public Reactor {
  public:
   Upload(const ServiceContext& context, grpc::CallbackServerContext& stream, Call call, UploadSlots& slots)
@@ -40,7 +50,7 @@ class Upload final : public Reactor {
                        UploadSlots& slots) {
     auto upload = std::make_shared<Upload>(context, stream, std::move(call), slots);
     upload->self_ = upload;
-    upload->StartRead(&upload->request_);
+    upload->StartRead(&upload->message_);
     return upload.get();
   }
 
@@ -49,14 +59,11 @@ class Upload final : public Reactor {
     reading_ = false;
     if (!ok) {
       reads_ended_ = true;
-      if (assembly_.under_way()) {
-        Fail(absl::InvalidArgumentError(absl::StrCat("the stream ended while ", assembly_.Description())));
-      } else if (!taken_) {
-        Fail(absl::InvalidArgumentError("the stream ended before its first message, `open`"));
-      }
     } else if (!ending_) {
-      if (absl::Status status = Receive(); !status.ok()) Fail(status);
+      CountReceived(static_cast<int64_t>(message_.Length() + kMessageOverhead));
+      received_.push_back(std::move(message_));
     }
+    message_.Clear();
     Proceed();
   }
 
@@ -77,37 +84,89 @@ class Upload final : public Reactor {
   void OnDone() override { const std::shared_ptr<Upload> last = std::move(self_); }
 
  private:
-  // Takes in one message.
-  absl::Status Receive() {
-    switch (request_.part_case()) {
-      case v1::UploadScansRequest::kOpen:
-        return taken_ ? absl::InvalidArgumentError("a second `open`") : Open();
-      case v1::UploadScansRequest::kScan:
-      case v1::UploadScansRequest::kChunk:
-        if (!taken_) return absl::InvalidArgumentError("the first message must be `open`");
-        return request_.has_scan() ? BeginScan() : Append();
-      default:
-        return absl::InvalidArgumentError("a message without `open`, `scan` or `chunk`");
+  // The next message that came; nothing: none is to be taken now.
+  std::optional<grpc::ByteBuffer> NextMessage() {
+    const std::lock_guard lock(mutex_);
+    if (ending_ || received_.empty() || !HasRoomForScans()) {
+      assembling_ = false;
+      Proceed();
+      return std::nullopt;
+    }
+    grpc::ByteBuffer message = std::move(received_.front());
+    received_.pop_front();
+    CountReceived(-static_cast<int64_t>(message.Length() + kMessageOverhead));
+    return message;
+  }
+
+  // On the pool: opens the session that the first message names.
+  void Open() {
+    std::optional<grpc::ByteBuffer> message = NextMessage();
+    if (!message) return;
+    absl::StatusOr<SessionRecord> session = OpenSession(*message);
+    const std::lock_guard lock(mutex_);
+    assembling_ = false;
+    if (session.ok()) {
+      record_ = *std::move(session);
+      next_index_ = record_.durable_scans;
+      opened_ = true;
+      acknowledge_ = true;
+    } else {
+      Fail(session.status());
+    }
+    Proceed();
+  }
+
+  // On the pool of uploads: takes in what came. What is not complete is not counted: it is one scan at most.
+  void Assemble() {
+    while (std::optional<grpc::ByteBuffer> message = NextMessage()) {
+      const absl::Status status = Receive(*message);
+      message.reset();
+      const std::lock_guard lock(mutex_);
+      ++messages_;
+      if (!status.ok()) {
+        if (!ending_) wrong_index_ = absl::IsOutOfRange(status);
+        Fail(status);
+      } else if (assembly_.complete()) {
+        RawScan scan = assembly_.Take();
+        ++next_index_;
+        if (ending_) continue;
+        // What they will take counts, too: a few bytes may decode to many points.
+        const size_t bytes = std::max(scan.bytes.size(), scan.DecodedBytes());
+        pending_.push_back(std::move(scan));
+        pending_bytes_ += bytes;
+        CountPending(static_cast<int64_t>(bytes));
+        Proceed();
+      }
     }
   }
 
-  absl::Status Open() {
-    if (absl::Status status = Gate::Enter(call_, request_); !status.ok()) return status;
-    session_ = {request_.open().map(), request_.open().id()};
-    if (!slots_.Take(session_, [this] { Stop(); })) {
-      return absl::AbortedError(
-          absl::StrFormat("session %s of map %s has another upload under way", session_.second, session_.first));
+  absl::Status Decode(grpc::ByteBuffer& message) {
+    if (grpc::SerializationTraits<v1::UploadScansRequest>::Deserialize(&message, &request_).ok()) {
+      return absl::OkStatus();
     }
-    taken_ = true;
-    busy_ = true;
-    context_.pool.Submit([self = self_] { self->OpenSession(); });
-    return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrFormat("message %d of the stream (from 0) is not a %s", messages_,
+                                                      request_.GetDescriptor()->full_name()));
   }
+
+  absl::Status Receive(grpc::ByteBuffer& message) {
+    if (absl::Status status = Decode(message); !status.ok()) return status;
+    switch (request_.part_case()) {
+      case v1::UploadScansRequest::kOpen:
+        return absl::InvalidArgumentError("a second `open`");
+      case v1::UploadScansRequest::kScan:
+        return BeginScan();
+      case v1::UploadScansRequest::kChunk:
+        return assembly_.Append(std::move(*request_.mutable_chunk()));
+      default:
+        return NoPart();
+    }
+  }
+
+  static absl::Status NoPart() { return absl::InvalidArgumentError("a message without `open`, `scan` or `chunk`"); }
 
   absl::Status BeginScan() {
     const uint32_t index = request_.scan().index();
     if (index != next_index_ || index >= record_.scan_crc32c.size()) {
-      wrong_index_ = true;
       return absl::OutOfRangeError(index == next_index_
                                        ? absl::StrFormat("scan %d: the session has %d scans", index, next_index_)
                                        : absl::StrFormat("scan %d: expected scan %d", index, next_index_));
@@ -115,38 +174,27 @@ class Upload final : public Reactor {
     return assembly_.Begin(std::move(*request_.mutable_scan()));
   }
 
-  absl::Status Append() {
-    if (absl::Status status = assembly_.Append(request_.chunk()); !status.ok()) return status;
-    if (assembly_.complete()) {
-      pending_.push_back(assembly_.Take());
-      // What they will take counts, too: a few bytes may decode to many points.
-      const size_t bytes = std::max(pending_.back().bytes.size(), pending_.back().DecodedBytes());
-      pending_bytes_ += bytes;
-      CountPending(static_cast<int64_t>(bytes));
-      ++next_index_;
+  // Finds the session and what its scans must fit into.
+  absl::StatusOr<SessionRecord> OpenSession(grpc::ByteBuffer& message) {
+    if (absl::Status status = Decode(message); !status.ok()) return status;
+    ++messages_;
+    if (request_.part_case() == v1::UploadScansRequest::PART_NOT_SET) return NoPart();
+    if (!request_.has_open()) return absl::InvalidArgumentError("the first message must be `open`");
+    if (absl::Status status = Gate::Enter(call_, request_); !status.ok()) return status;
+    session_ = {request_.open().map(), request_.open().id()};
+    if (!slots_.Take(session_, [this] { Stop(); })) {
+      return absl::AbortedError(
+          absl::StrFormat("session %s of map %s has another upload under way", session_.second, session_.first));
     }
-    return absl::OkStatus();
-  }
-
-  // On the pool: finds the session and what its scans must fit into.
-  void OpenSession() {
+    taken_ = true;
     absl::StatusOr<SessionRecord> session =
         FindSession(context_, call_, Access::kUpload, session_.first, session_.second);
-    absl::Status status = session.status();
-    if (status.ok() && session->state != SessionState::kUploading) {
-      status = absl::FailedPreconditionError(absl::StrCat("session ", session->id, " has all its scans"));
+    if (!session.ok()) return session.status();
+    if (session->state != SessionState::kUploading) {
+      return absl::FailedPreconditionError(absl::StrCat("session ", session->id, " has all its scans"));
     }
-    if (status.ok()) status = FindRange(*session);
-    const std::lock_guard lock(mutex_);
-    busy_ = false;
-    if (status.ok()) {
-      record_ = *std::move(session);
-      next_index_ = record_.durable_scans;
-      acknowledge_ = true;
-    } else {
-      Fail(status);
-    }
-    Proceed();
+    if (absl::Status status = FindRange(*session); !status.ok()) return status;
+    return session;
   }
 
   absl::Status FindRange(const SessionRecord& session) {
@@ -163,7 +211,7 @@ class Upload final : public Reactor {
     return absl::OkStatus();
   }
 
-  // On the pool: checks and stages a batch.
+  // On the pool of uploads: checks and stages a batch.
   void Stage(const std::vector<RawScan>& batch, uint32_t first) {
     std::vector<StagedScan> staged;
     absl::Status bad;
@@ -216,6 +264,12 @@ class Upload final : public Reactor {
     Proceed();
   }
 
+  void CountReceived(int64_t bytes) {
+    received_bytes_ += static_cast<size_t>(bytes);
+    slots_.AddReceived(bytes);
+    CountPending(bytes);
+  }
+
   void CountPending(int64_t bytes) {
     context_.metrics.Pending(static_cast<double>(bytes));
     slots_.AddPending(bytes);
@@ -240,11 +294,21 @@ class Upload final : public Reactor {
   void Fail(const absl::Status& status) {
     ending_ = true;
     if (!failure_) failure_ = status;
+    received_.clear();
+    CountReceived(-static_cast<int64_t>(received_bytes_));
   }
 
   // With the mutex held: starts whatever can be started.
   void Proceed() {
     if (finished_) return;
+    if (!assembling_ && !received_.empty() && HasRoomForScans()) {
+      assembling_ = true;
+      if (opened_) {
+        context_.staging.Submit([self = self_] { self->Assemble(); });
+      } else {
+        context_.pool.Submit([self = self_] { self->Open(); });
+      }
+    }
     if (!busy_ && !pending_.empty()) {
       busy_ = true;
       staging_bytes_ = std::exchange(pending_bytes_, 0);
@@ -252,29 +316,50 @@ class Upload final : public Reactor {
         self->Stage(batch, first);
       });
     }
+    const bool all_came = reads_ended_ && !assembling_ && received_.empty();
+    if (all_came && !ending_) CheckEnd();
     if (vanished_) acknowledge_ = false;
     if (!writing_ && acknowledge_) {
       acknowledge_ = false;
       writing_ = true;
-      response_.set_durable_scans(record_.durable_scans);
+      v1::UploadScansResponse response;
+      response.set_durable_scans(record_.durable_scans);
+      response_ = BufferOf(response);
       StartWrite(&response_);
     }
-    if ((ending_ || reads_ended_) && !busy_ && !writing_ && pending_.empty()) {
+    if ((ending_ || all_came) && !assembling_ && !busy_ && !writing_ && pending_.empty()) {
       finished_ = true;
       // Before the client hears of the end: it may come again at once.
       if (taken_) slots_.Free(session_);
       FinishCall(stream_, *this, failure_.value_or(absl::OkStatus()), Details());
       return;
     }
-    // One scan may pass the bounds: without its end there is nothing to stage. Beyond that one scan an upload takes
-    // part in what all together may hold; its own batch, once durable, makes it look again.
-    const size_t held = pending_bytes_ + staging_bytes_;
-    const bool has_room = held == 0 || (held < pending_limit_ && slots_.pending() < total_limit_);
-    if (!reading_ && !reads_ended_ && !ending_ && has_room && !(busy_ && record_.scan_crc32c.empty())) {
+    const bool awaits_opening = !opened_ && (assembling_ || !received_.empty());
+    if (!reading_ && !reads_ended_ && !ending_ && !awaits_opening && HasRoomForMessages()) {
       reading_ = true;
-      StartRead(&request_);
+      StartRead(&message_);
     }
   }
+
+  // The client said that it has nothing more.
+  void CheckEnd() {
+    if (!opened_) {
+      Fail(absl::InvalidArgumentError("the stream ended before its first message, `open`"));
+    } else if (assembly_.under_way()) {
+      Fail(absl::InvalidArgumentError(absl::StrCat("the stream ended while ", assembly_.Description())));
+    }
+  }
+
+  // One scan may pass the bounds: without its end there is nothing to stage. Beyond that one scan an upload takes part
+  // in what all together may hold; its own batch, once durable, makes it look again.
+  bool HasRoomForScans() const { return HasRoom(pending_bytes_ + staging_bytes_); }
+
+  bool HasRoomForMessages() const {
+    const bool few = received_bytes_ < kMostReceived && slots_.received() < total_limit_ / kShareReceived;
+    return (received_bytes_ == 0 || few) && HasRoom(received_bytes_ + pending_bytes_ + staging_bytes_);
+  }
+
+  bool HasRoom(size_t held) const { return held == 0 || (held < pending_limit_ && slots_.pending() < total_limit_); }
 
   std::string Details() const {
     if (!wrong_index_) return "";
@@ -292,22 +377,27 @@ class Upload final : public Reactor {
   const int64_t total_limit_;  // of all uploads
 
   std::mutex mutex_;
+  grpc::ByteBuffer message_, response_;  // being read, being written
+  std::deque<grpc::ByteBuffer> received_;
+  size_t received_bytes_ = 0;
+  // Of opening, then of assembling: whichever is at work.
   v1::UploadScansRequest request_;
-  v1::UploadScansResponse response_;
-  UploadSlots::Key session_;
-  SessionRecord record_;       // durable_scans moves with the batches
-  MapRange range_;             // pool only
-  bool takes_origin_ = false;  // the map's origin will be this session's; pool only
+  size_t messages_ = 0;  // before this one
   ScanAssembly assembly_;
   uint32_t next_index_ = 0;
+  UploadSlots::Key session_;
+  SessionRecord record_;          // durable_scans moves with the batches
+  MapRange range_;                // of opening, then of staging
+  bool takes_origin_ = false;     // the map's origin will be this session's; likewise
   std::vector<RawScan> pending_;  // complete, not given to the pool yet
   size_t pending_bytes_ = 0, staging_bytes_ = 0;
   std::optional<absl::Status> failure_;
   bool wrong_index_ = false;
-  bool taken_ = false;                     // the session's slot
-  bool reading_ = true, writing_ = false;  // at most one each is in flight
-  bool busy_ = false;                      // something of this call is on the pool
-  bool acknowledge_ = false;               // durable_scans moved since the last write
+  bool taken_ = false;                      // the session's slot
+  bool opened_ = false;                     // the session is found
+  bool reading_ = true, writing_ = false;   // at most one each is in flight
+  bool assembling_ = false, busy_ = false;  // opening or assembling, staging is on a pool
+  bool acknowledge_ = false;                // durable_scans moved since the last write
   bool reads_ended_ = false, ending_ = false, vanished_ = false, finished_ = false;
 };
 

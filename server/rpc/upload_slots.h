@@ -36,7 +36,11 @@ class UploadSlots {
     return taken_.size();
   }
 
-  /// Bytes of scans that came in (or, negative, went) and are not durable yet, of all uploads.
+  /// Bytes of messages that came in (or, negative, were taken on) and are not decoded yet, of all uploads.
+  void AddReceived(int64_t bytes) { received_ += bytes; }
+  int64_t received() const { return received_; }
+
+  /// Bytes of messages and scans that came in (or, negative, went) and are not durable yet, of all uploads.
   void AddPending(int64_t bytes) { pending_ += bytes; }
   int64_t pending() const { return pending_; }
 
@@ -50,7 +54,7 @@ class UploadSlots {
  private:
   mutable std::mutex mutex_;
   bool closed_ = false;
-  std::atomic<int64_t> pending_ = 0;
+  std::atomic<int64_t> received_ = 0, pending_ = 0;
   std::map<Key, std::function<void()>> taken_;
 };
 

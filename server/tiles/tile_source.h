@@ -64,6 +64,9 @@ class TileSource {
   SharedBytes Find(const ContentId& id, Coding coding) { return encoded_.Find({id, coding}); }
 
   TileSourceCounts counts() const;
+  /// Of tiles as they are sent, and of the points that larger tiles are made of.
+  CacheUse encoded_use() const { return encoded_.Use(); }
+  CacheUse kept_use() const { return kept_.Use(); }
 
  private:
   using Points = std::shared_ptr<const std::vector<TilePoint>>;

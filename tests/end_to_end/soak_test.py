@@ -39,7 +39,8 @@ write_buffer_mib = 16
 # What memory is made up of, as the daemon says: printed, so that one sees what grew if something did.
 PARTS = ("process_heap_used_bytes", "process_heap_free_bytes", "rocksdb_write_buffer_bytes",
          "rocksdb_block_cache_bytes", "rocksdb_table_reader_bytes", "plan_cache_bytes", "scan_cache_bytes",
-         'cache_bytes{cache="blocks"}', 'cache_bytes{cache="nodes"}', 'cache_bytes{cache="tiles"}')
+         'cache_bytes{cache="blocks"}', 'cache_bytes{cache="nodes"}', 'cache_bytes{cache="tiles"}',
+         'cache_bytes{cache="http_tiles"}', 'cache_bytes{cache="http_points"}')
 QUEUES = ("jobs_waiting", "jobs_running", "uploads_open", "upload_pending_bytes", "pool_waiting", "pool_running",
           "staging_waiting", "staging_running")
 

@@ -1,7 +1,11 @@
 #include <gmock/gmock.h>
+#include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <memory>
+#include <string>
+#include <vector>
 
 #include "mapkeep/v1/common.pb.h"
 #include "tests/integration/daemon_process.h"
@@ -236,6 +240,80 @@ TEST_F(Uploads, OutOfOrderMessagesAreRefused) {
     upload->Write(request);
     EXPECT_THAT(Robot::End(*upload), FailsWith(StatusCode::INVALID_ARGUMENT, {"scan 0", "4000000"}));
   }
+}
+
+// Bytes as the messages of one upload, whatever they are; the status that it ends with.
+grpc::Status SendBytes(const std::shared_ptr<grpc::Channel>& channel, const std::vector<std::string>& messages) {
+  grpc::GenericStub stub(channel);
+  grpc::CompletionQueue queue;
+  const auto context = Robot::Call();
+  const auto call = stub.PrepareCall(context.get(), "/mapkeep.v1.SessionService/UploadScans", &queue);
+  const auto next = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  call->StartCall(nullptr);
+  bool alive = next();
+  for (const std::string& message : messages) {
+    if (!alive) break;
+    const grpc::Slice slice(message);
+    call->Write(grpc::ByteBuffer(&slice, 1), nullptr);
+    alive = next();
+  }
+  if (alive) {
+    call->WritesDone(nullptr);
+    next();
+  }
+  grpc::ByteBuffer answer;
+  do {
+    call->Read(&answer, nullptr);
+  } while (next());
+  grpc::Status status;
+  call->Finish(&status, nullptr);
+  next();
+  return status;
+}
+
+TEST_F(Uploads, BytesThatAreNoMessageAreNamedAndWhatCameBeforeThemStays) {
+  const auto scans = Wire(ShortDrive(2));
+  ASSERT_THAT(robot_.Begin("site", "garbled", scans), IsOk());
+  EXPECT_THAT(SendBytes(robot_.channel(), {"\xff\xff\xff"}),
+              FailsWith(StatusCode::INVALID_ARGUMENT, {"message 0", "mapkeep.v1.UploadScansRequest"}));
+  v1::UploadScansRequest open, header, chunk;
+  open.mutable_open()->set_map("site");
+  open.mutable_open()->set_id("garbled");
+  *header.mutable_scan() = scans[0].header;
+  chunk.set_chunk(scans[0].bytes);
+  const std::string cut = chunk.SerializeAsString().substr(0, 10);
+  EXPECT_THAT(SendBytes(robot_.channel(), {open.SerializeAsString(), header.SerializeAsString(),
+                                           chunk.SerializeAsString(), cut, chunk.SerializeAsString()}),
+              FailsWith(StatusCode::INVALID_ARGUMENT, {"message 3", "mapkeep.v1.UploadScansRequest"}));
+  EXPECT_EQ(DurableScans(robot_, "garbled"), 1U);
+  EXPECT_THAT(SendBytes(robot_.channel(), {open.SerializeAsString(), ""}),
+              FailsWith(StatusCode::INVALID_ARGUMENT, {"without `open`, `scan` or `chunk`"}));
+  EXPECT_THAT(robot_.Send("site", "garbled", {scans[1]}), IsOk());
+}
+
+TEST_F(Uploads, AScanMayComeInAsManyMessagesAsItHasBytes) {
+  const auto scans = Wire(ShortDrive(2));
+  ASSERT_THAT(robot_.Begin("site", "crumbs", scans), IsOk());
+  v1::UploadScansRequest message;
+  message.mutable_open()->set_map("site");
+  message.mutable_open()->set_id("crumbs");
+  std::vector<std::string> messages = {message.SerializeAsString()};
+  for (const WireScan& scan : scans) {
+    *message.mutable_scan() = scan.header;
+    messages.push_back(message.SerializeAsString());
+    for (const char byte : scan.bytes) {
+      for (const std::string& chunk : {std::string(), std::string(1, byte)}) {
+        message.set_chunk(chunk);
+        messages.push_back(message.SerializeAsString());
+      }
+    }
+  }
+  EXPECT_THAT(SendBytes(robot_.channel(), messages), IsOk());
+  EXPECT_EQ(DurableScans(robot_, "crumbs"), 2U);
 }
 
 TEST_F(Uploads, AMessageBeyondTheLimitIsRefused) {
