@@ -29,7 +29,7 @@ keep_epochs = 10
 collect_seconds = 5
 [limits]
 block_cache_mib = 16
-http_cache_mib = 16
+http_cache_mib = 8
 plan_cache_mib = 4
 watch_seconds = 20
 [rocksdb]
