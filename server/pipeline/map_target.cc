@@ -1,6 +1,7 @@
 #include "server/pipeline/map_target.h"
 
 #include <cmath>
+#include <utility>
 
 #include "core/voxels/normal.h"
 #include "server/pipeline/outline.h"
@@ -45,9 +46,10 @@ absl::StatusOr<std::vector<std::shared_ptr<const Block>>> ReadBlocks(const Snaps
   return blocks;
 }
 
-TargetMap TargetOf(const Snapshot& base, PlanCache& plans, const MatcherParameters& parameters) {
+TargetMap TargetOf(const Snapshot& base, PlanCache& plans, PlanCache::GoesOn goes_on,
+                   const MatcherParameters& parameters) {
   TargetMap map;
-  map.plan = [&base, &plans] { return plans.PlanOf(base); };
+  map.plan = [&base, &plans, goes_on = std::move(goes_on)] { return plans.PlanOf(base, goes_on); };
   map.points = [&base](std::span<const Eigen::AlignedBox3d> boxes) {
     std::vector<BlockRange> ranges;
     for (const Eigen::AlignedBox3d& box : boxes) ranges.push_back(BlocksOf(box, base.map().voxel_size));

@@ -7,8 +7,9 @@
 namespace mapkeep {
 
 /// A state of a map as registration reads it: its static voxels, block by block, and what the global matcher is to
-/// search, described when first asked for. `base` and `plans` outlive it.
-TargetMap TargetOf(const Snapshot& base, PlanCache& plans, const MatcherParameters& parameters);
+/// search, described when first asked for. `goes_on` as of PlanCache::PlanOf. `base` and `plans` outlive it.
+TargetMap TargetOf(const Snapshot& base, PlanCache& plans, PlanCache::GoesOn goes_on,
+                   const MatcherParameters& parameters);
 
 /// The static voxels of these blocks, all there. Metres, relative to the map's origin.
 absl::StatusOr<RegistrationTarget> StaticVoxels(const Snapshot& base, std::span<const BlockKey> keys);

@@ -49,7 +49,7 @@ void PlanCache::Store(const Snapshot& map, const TileEntry& tile, const PlanPart
   if (!stored.ok()) ++not_stored_;
 }
 
-absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot& map) {
+absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot& map, const GoesOn& goes_on) {
   const std::string epoch = absl::StrCat(map.map().incarnation, " ", map.epoch());
   {
     const std::lock_guard lock(mutex_);
@@ -59,6 +59,7 @@ absl::StatusOr<std::shared_ptr<const WallPlan>> PlanCache::PlanOf(const Snapshot
   if (!tiles.ok()) return tiles.status();
   std::vector<std::shared_ptr<const PlanPart>> parts(tiles->size());
   const absl::Status status = ParallelFor(tiles->size(), [&](size_t i) -> absl::Status {
+    if (goes_on && !goes_on()) return absl::CancelledError("stopped while looking for the plans of the map's tiles");
     const TileEntry& tile = (*tiles)[i];
     const std::string name = NameOf(map, tile), state = StateOf(tile);
     parts[i] = Find(name, state);

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -25,8 +26,11 @@ class PlanCache {
   /// Keeps about `most_bytes` of tiles, those asked for last.
   explicit PlanCache(size_t most_bytes = size_t{256} << 20) : most_bytes_(most_bytes) {}
 
-  /// The plan of a state of a map. Errors of the store are passed on.
-  absl::StatusOr<std::shared_ptr<const WallPlan>> PlanOf(const Snapshot& map);
+  /// Asked before each tile that is looked for, by any thread; false stops, with CANCELLED.
+  using GoesOn = std::function<bool()>;
+
+  /// The plan of a state of a map. Errors of the store are passed on. What was made before it was stopped is kept.
+  absl::StatusOr<std::shared_ptr<const WallPlan>> PlanOf(const Snapshot& map, const GoesOn& goes_on = {});
 
   /// Tiles that were made, rather than found here or in the store, since the start,
   size_t made() const;

@@ -12,7 +12,20 @@ absl::StatusOr<Alignment> AlignToMap(const Snapshot& base, PlanCache& plans, con
                                      const std::optional<PositionPrior>& position, const AlignParameters& parameters,
                                      const Progress& progress) {
   if (base.totals().blocks == 0) return FoundMapFrame(scans, poses, parameters, progress);
-  return AlignSession(scans, poses, TargetOf(base, plans, parameters.matcher), prior, parameters, progress, position);
+  // While the plans of a large map are made nothing of the session is done, but it can be stopped.
+  std::mutex mutex;
+  double done = 0;
+  const Progress told = [&](double fraction) {
+    const std::lock_guard lock(mutex);
+    done = fraction;
+    return progress(fraction);
+  };
+  const PlanCache::GoesOn goes_on = [&] {
+    const std::lock_guard lock(mutex);
+    return !progress || progress(done);
+  };
+  return AlignSession(scans, poses, TargetOf(base, plans, goes_on, parameters.matcher), prior, parameters,
+                      progress ? told : progress, position);
 }
 
 absl::StatusOr<Removal> CleanAgainstMap(const Snapshot& base, const ScanSource& scans, const SessionOutline& outline,

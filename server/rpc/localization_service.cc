@@ -64,7 +64,7 @@ absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& ope
   tbb::task_arena arena;
   const auto place = arena.execute([&] {
     return Localise(SourceOf(std::move(scans->scans)), scans->poses,
-                    TargetOf(**base, context.plans, parameters.matcher), prior, parameters);
+                    TargetOf(**base, context.plans, {}, parameters.matcher), prior, parameters);
   });
   if (!place.ok()) return place.status();
   LogInfo("localised", {{"map", open.map()}, {"scans", raw.size()}, {"found", place->found ? 1 : 0}});

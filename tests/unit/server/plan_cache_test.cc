@@ -3,6 +3,8 @@
 #include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+
 #include "core/voxels/normal.h"
 #include "server/pipeline/plan_codec.h"
 #include "tests/unit/storage/status_matchers.h"
@@ -121,6 +123,17 @@ TEST_F(PlanCacheTest, MemoryGrowsWithTheMapAndNotWithItsHistory) {
   ASSERT_DONE(from_store);
   EXPECT_EQ(plans.made(), 22U) << "what went from memory is stored";
   EXPECT_EQ((*from_store)->tiles_with_floor().size(), 2U);
+}
+
+TEST_F(PlanCacheTest, MayBeStoppedAndGoesOnWithWhatItHas) {
+  PlanCache plans;
+  const auto snapshot = *maps_->Open("m");
+  std::atomic<int> asked = 0;
+  EXPECT_CODE(plans.PlanOf(*snapshot, [&asked] { return ++asked == 1; }).status(), kCancelled);
+  EXPECT_GE(asked, 2);
+  EXPECT_LE(plans.made(), 1U);
+  ASSERT_DONE(plans.PlanOf(*snapshot, [] { return true; }));
+  EXPECT_EQ(plans.made(), 2U);
 }
 
 TEST_F(PlanCacheTest, KeepsNoMoreThanItMay) {
