@@ -51,7 +51,8 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.neighbour_hits = false;
   p.exposure.margin_by_range = 0;
   p.exposure.clear_around = 0;
-  p.restore = p.verify_ankles = p.cluster = p.confirm = p.doubt = p.inherit = p.departures = p.surround = false;
+  p.restore = p.verify_ankles = p.cluster = p.confirm = p.doubt = p.inherit = p.surround = false;
+  p.departures = p.drive_offs = false;
   p.refine_poses = false;
   std::vector<AblationStep> steps;
   const auto add = [&](const char* name) { steps.push_back({name, p}); };
@@ -80,6 +81,8 @@ std::vector<AblationStep> AblationSteps() {
   add("+ departures");
   p.surround = all.surround;
   add("+ surround");
+  p.drive_offs = all.drive_offs;
+  add("+ drive-offs");
   p.refine_poses = all.refine_poses;
   add("+ pose refinement");
   return steps;

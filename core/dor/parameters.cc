@@ -48,6 +48,7 @@ absl::Status CheckParameters(const DorParameters& p) {
       Range{"vacated_neighbours", static_cast<double>(p.vacated_neighbours), 1, 1e6},
       Range{"vacated_confirmed", static_cast<double>(p.vacated_confirmed), 1, 1e6},
       Range{"departure_reach", p.departure_reach, 0, 100},
+      Range{"setting_out", static_cast<double>(p.setting_out), 1, 1e6},
       Range{"decided_scans", static_cast<double>(p.decided_scans), 0, 1e6},
       Range{"surrounded_share", p.surrounded_share, 0, 1},
       Range{"ankle_tolerance", p.ankle_tolerance, 0, 10},

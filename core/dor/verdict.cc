@@ -9,6 +9,7 @@
 
 #include "core/dor/clusters.h"
 #include "core/dor/departures.h"
+#include "core/dor/drive_offs.h"
 #include "core/dor/ground.h"
 #include "core/dor/near_voxels.h"
 #include "core/dor/restoration.h"
@@ -33,6 +34,7 @@ class Scene {
 
   size_t size() const { return indices_.size(); }
   const VoxelIndex& index(uint32_t id) const { return indices_[id]; }
+  std::span<const VoxelIndex> indices() const { return indices_; }
   bool was_hit(uint32_t id) const { return counts_.hits[id] > 0; }
   bool was_exposed(uint32_t id) const { return counts_.exposures[id] > 0; }
   uint32_t hits(uint32_t id) const { return counts_.hits[id]; }
@@ -278,6 +280,22 @@ void JudgeSurrounded(const Scene& scene, const Surroundings* surroundings, const
   }
 }
 
+// What drove off where nobody looked again.
+void JudgeDriveOffs(const Scene& scene, const SessionVoxels& voxels, const VoxelCounts& counts,
+                    const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  std::vector<char> is_static(verdicts.size()), is_dynamic(verdicts.size());
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    is_static[id] = verdicts[id] == VoxelVerdict::kStatic && scene.was_hit(id);
+    is_dynamic[id] = verdicts[id] == VoxelVerdict::kDynamic;
+  }
+  const std::vector<char> left =
+      FindDriveOffs(voxels.grid, scene.indices(), counts, is_static, is_dynamic,
+                    {.voxel_size = parameters.voxel_size, .setting_out = parameters.setting_out});
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    if (left[id]) verdicts[id] = VoxelVerdict::kDynamic;
+  }
+}
+
 // Feet and wheels: under something dynamic, or where the ground voxel itself was looked through, points go by their
 // height above the ground.
 void VerifyAnkles(const Scene& scene, const DorParameters& parameters, const std::vector<float>& heights,
@@ -348,6 +366,7 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
   if (parameters.surround) {
     JudgeSurrounded(scene, surroundings ? &*surroundings : nullptr, parameters, verdict.voxels);
   }
+  if (parameters.drive_offs) JudgeDriveOffs(scene, voxels, counts, parameters, verdict.voxels);
   if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);
   if (parameters.restore) FindIsolated(scene, verdict);
   return verdict;

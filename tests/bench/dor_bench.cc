@@ -170,6 +170,7 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("vacated_neighbours", &DorParameters::vacated_neighbours);
   vary("vacated_confirmed", &DorParameters::vacated_confirmed);
   vary("departure_reach", &DorParameters::departure_reach);
+  vary("setting_out", &DorParameters::setting_out);
   vary("decided_scans", &DorParameters::decided_scans);
   vary("surrounded_share", &DorParameters::surrounded_share);
   vary("ankle_tolerance", &DorParameters::ankle_tolerance);
@@ -183,6 +184,7 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   without("confirm", &DorParameters::confirm);
   without("doubt", &DorParameters::doubt);
   without("departures", &DorParameters::departures);
+  without("drive_offs", &DorParameters::drive_offs);
   without("inherit", &DorParameters::inherit);
   without("surround", &DorParameters::surround);
   without("verify_ankles", &DorParameters::verify_ankles);

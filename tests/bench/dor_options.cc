@@ -31,6 +31,7 @@ void AddDorOptions(CLI::App& app, DorParameters& p) {
   app.add_option("--doubt-stability", p.doubt_stability);
   app.add_option("--doubt-voids", p.doubt_voids);
   app.add_option("--departures", p.departures);
+  app.add_option("--drive-offs", p.drive_offs);
   app.add_option("--surround", p.surround);
   app.add_option("--inherit", p.inherit);
   app.add_option("--decided", p.decided_scans);
