@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kEnoughHits = 8;  // a few voxels that were hit often say nothing about the others
 
+constexpr int kEnoughKnown = 10;  // voxels of a side
+
 /// One changed voxel on its way into an object.
 struct Member {
   VoxelKey key{};
@@ -155,7 +157,34 @@ class Finder {
     object.contact = static_cast<double>(touching) / count;
     object.in_view = static_cast<double>(in_view) / count;
     if (object.contact > parameters_.most_contact) return false;
-    return object.change != ChangeClass::kAppeared || object.in_view >= parameters_.least_in_view;
+    if (object.change != ChangeClass::kAppeared || object.in_view >= parameters_.least_in_view) return true;
+    return object.hits >= parameters_.least_hits_there && KnownSidesOf(object) >= parameters_.least_known_sides;
+  }
+
+  /// On how many of the four sides of its box the earlier state had static structure that still stands.
+  int KnownSidesOf(const ChangedObject& object) const {
+    const Eigen::Vector3d around = Eigen::Vector3d(parameters_.known_around, parameters_.known_around, 0) / voxel_size_;
+    const Eigen::Vector3d low = object.box.min() / voxel_size_ - around, high = object.box.max() / voxel_size_ + around;
+    const Eigen::Vector3d middle = (low + high) / 2, half = (high - low) / 2;
+    std::array<int, 4> known{};
+    for (auto z = static_cast<int>(low.z()); z < high.z(); ++z) {
+      for (auto y = static_cast<int>(low.y()); y < high.y(); ++y) {
+        for (auto x = static_cast<int>(low.x()); x < high.x(); ++x) {
+          if (!InRange({x, y, z}) || !IsStaticInBoth({x, y, z})) continue;
+          const double east = (x - middle.x()) / half.x(), north = (y - middle.y()) / half.y();
+          const size_t side = std::abs(east) > std::abs(north) ? (east > 0 ? 0 : 1) : (north > 0 ? 2 : 3);
+          ++known[side];
+        }
+      }
+    }
+    return static_cast<int>(std::ranges::count_if(known, [](int voxels) { return voxels >= kEnoughKnown; }));
+  }
+
+  bool IsStaticInBoth(const VoxelIndex& at) const {
+    const Voxel* then = Find(before_, at);
+    if (then == nullptr || !then->is_static) return false;
+    const Voxel* now = Find(after_, at);
+    return now != nullptr && now->is_static;
   }
 
   /// Whether a neighbour is static structure, other than ground, in both states and itself unchanged.

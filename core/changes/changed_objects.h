@@ -22,6 +22,12 @@ struct ChangedObjectParameters {
   double least_length = 1.4;  ///< metres, the longer side seen from above: what is shorter are people who hardly moved
   double least_hits = 2;      ///< scans, mean over the voxels: what drove past far away was hit once in each place
   double least_in_view = 0.25;  ///< share of voxels whose place was in view before, for an object to have appeared
+
+  /// Or, where the ground is hidden (cars behind a fence): what the earlier state knew around it, on most sides, and
+  /// that it is seen well now. A street that is mapped for the first time has nothing known but at its end.
+  double known_around = 3;      ///< metres
+  int least_known_sides = 2;    ///< of four
+  double least_hits_there = 3;  ///< scans, mean over the voxels
 };
 
 /// Changed voxels that hang together.

@@ -114,6 +114,27 @@ TEST(ChangedObjects, WhatStandsWhereNobodyHadLookedHasNotAppeared) {
   EXPECT_TRUE(Compare(before, after).empty());
 }
 
+// Cars in a row behind a fence, of which the upper halves are seen and no ground under them.
+TEST(ChangedObjects, ACarAppearsBetweenOthersThoughTheGroundIsHidden) {
+  State before, after;
+  before.AddBox({0, 0, 5}, {9, 20, 4});
+  before.AddBox({30, 0, 5}, {9, 20, 4});
+  after = before;
+  after.AddBox({15, 0, 5}, {9, 20, 4});
+  const auto objects = Compare(before, after);
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_EQ(objects[0].change, ChangeClass::kAppeared);
+  EXPECT_EQ(objects[0].in_view, 0);
+}
+
+TEST(ChangedObjects, WhatComesIntoViewBehindTheLastThingKnownHasNotAppeared) {
+  State before, after;
+  before.AddBox({0, 0, 5}, {9, 20, 4});
+  after = before;
+  after.AddBox({15, 0, 5}, {9, 20, 4});
+  EXPECT_TRUE(Compare(before, after).empty());
+}
+
 TEST(ChangedObjects, ACarThatIsHalfGoneIsOneObject) {
   State before, after;
   before.AddGround(60);
