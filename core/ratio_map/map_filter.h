@@ -11,11 +11,11 @@ namespace mapkeep {
 struct MapFilterParameters {
   double voxel_size = 0.2;            ///< metres, the map's
   double eta = 1e-3;                  ///< eta of eq. 4, scans
-  double stability_threshold = 0.35;  ///< R below it: not static, unless ground or in a cluster that is
-  double candidate_threshold = 0.5;   ///< R below it, and not ground: takes part in the clusters
+  double stability_threshold = 0.25;  ///< R below it: not static, unless ground or in a cluster that is
+  double candidate_threshold = 0.4;   ///< R below it, and not ground: takes part in the clusters
   double cluster_radius = 0.5;        ///< epsilon of DBSCAN, metres
   int cluster_min_neighbours = 5;     ///< N_min of DBSCAN
-  double cluster_threshold = 0.4;     ///< tau_cluster of eq. 5: a cluster whose mean R is below it is not static
+  double cluster_threshold = 0.3;     ///< tau_cluster of eq. 5: a cluster whose mean R is below it is not static
   int isolated_min_neighbours = 1;    ///< occupied 26-neighbours below which a voxel is isolated noise
 };
 

@@ -154,8 +154,8 @@ TEST(MapFilter, GroundIsProtectedWhateverItsStability) {
 TEST(MapFilter, ObjectsAreJudgedByTheirMeanStability) {
   const auto gone = Box({2, 2, 2}, {4, 4, 4}), stays = Box({20, 2, 2}, {4, 4, 4});
   Map map;
-  for (const VoxelIndex& at : gone) map.Put(at, at.x % 2 == 0 ? Counts(30, 70) : Counts(46, 54));   // mean 0.38
-  for (const VoxelIndex& at : stays) map.Put(at, at.x % 2 == 0 ? Counts(34, 66) : Counts(49, 51));  // mean 0.415
+  for (const VoxelIndex& at : gone) map.Put(at, at.x % 2 == 0 ? Counts(20, 80) : Counts(36, 64));   // mean 0.28
+  for (const VoxelIndex& at : stays) map.Put(at, at.x % 2 == 0 ? Counts(24, 76) : Counts(39, 61));  // mean 0.315
   map.FilterAll();
   EXPECT_EQ(StaticCount(map, gone), 0);
   EXPECT_EQ(StaticCount(map, stays), 64);
@@ -165,8 +165,8 @@ TEST(MapFilter, AVoxelThatBelongsToNoObjectIsJudgedByItsOwnStability) {
   const auto wall = Box({0, 5, 0}, {30, 1, 10});
   Map map;
   for (const VoxelIndex& at : wall) map.Put(at, Counts(20, 0));
-  map.Put({5, 5, 5}, Counts(34, 66));
-  map.Put({25, 5, 5}, Counts(36, 64));
+  map.Put({5, 5, 5}, Counts(24, 76));
+  map.Put({25, 5, 5}, Counts(26, 74));
   map.FilterAll();
   EXPECT_FALSE(map.IsStatic({5, 5, 5}));
   EXPECT_TRUE(map.IsStatic({25, 5, 5}));
