@@ -328,10 +328,10 @@ class DriveOffs {
     for (size_t ring = 0; ring < 3; ++ring) {
       if (times[ring].size() < kMinInRing) return false;
     }
+    // The last ring holds much of what others do.
     const int32_t farthest = std::max(*median[2], median[3].value_or(*median[2]));
     return *median[0] >= -kBefore / 2 && *median[0] <= kBefore && *median[1] >= *median[0] &&
-           *median[2] >= *median[1] && median[3].value_or(*median[2]) >= *median[2] - 1 &&
-           farthest >= *median[0] + parameters_.setting_out;
+           *median[2] >= *median[1] && farthest >= *median[0] + parameters_.setting_out;
   }
 
   const VoxelGrid& grid_;

@@ -12,7 +12,7 @@ namespace mapkeep {
 /// Parameters of FindDriveOffs.
 struct DriveOffParameters {
   double voxel_size = 0.2;  ///< metres, of the grid
-  int setting_out = 8;      ///< scans that what sets out takes for its first two metres or so, at least
+  int setting_out = 7;      ///< scans that what sets out takes for its first two metres or so, at least
 };
 
 /// The voxels of what stood until something set out beside it: a parked car that drives off where no beam looks again

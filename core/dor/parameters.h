@@ -79,7 +79,7 @@ struct DorParameters {
   double departure_reach = 1.6;  ///< metres around those in which the rest of the object is looked for
 
   bool drive_offs = true;  ///< find what stood until something set out beside it, where nobody looked again
-  int setting_out = 8;     ///< scans that it takes for its first two metres at least: what drives by is sooner gone
+  int setting_out = 7;     ///< scans that it takes for its first two metres at least: what drives by is sooner gone
 
   bool inherit = true;    ///< voxels with little evidence follow those around them
   int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
