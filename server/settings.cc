@@ -449,8 +449,10 @@ std::vector<Setting> MakeSettings() {
       Number("merge.alpha_max", MAPKEEP_FIELD(stages.merge.alpha_max), 0, 1, "alpha_max of eq. 8"),
       IntegerIn<int>(
           "merge.contradicting_scans", MAPKEEP_FIELD(stages.merge.contradicting_scans), 0, 1000000,
-          "Scans that look through a voxel of which none has a point, from which on alpha is alpha_min; 0: eq. 8 "
-          "alone"),
+          "Scans that look through a voxel of which none has a point, from which on alpha is contradicted_alpha; 0: "
+          "eq. 8 alone"),
+      Number("merge.contradicted_alpha", MAPKEEP_FIELD(stages.merge.contradicted_alpha), 0, 1,
+             "What such a session leaves of a voxel's counts"),
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,

@@ -98,7 +98,7 @@ std::optional<Voxel> MergeVoxel(const Voxel& old, const SessionVoxel& session, c
   const double exposures = double{kCountScale} * session.exposures;
   if (hits + exposures == 0) return old;
   const double alpha = IsContradicted(session, parameters)
-                           ? parameters.alpha_min
+                           ? parameters.contradicted_alpha
                            : DecayFactor((hits + exposures) / kCountScale, of.n_max, parameters);
   const double weight = alpha * old.hits;
   Voxel merged = old;

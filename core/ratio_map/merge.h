@@ -14,9 +14,11 @@ struct MergeParameters {
       4.0;  ///< gamma: decay sensitivity. One contrary session of equal weight hides a voxel if exp(-gamma) < 0.54
   double alpha_min = 0.1;   ///< alpha_min
   double alpha_max = 0.95;  ///< alpha_max
-  /// Scans that looked through a voxel of which no scan of the session had a point, from which on alpha_v is alpha_min:
-  /// where nothing is any more, few looks say as much as many. 0: eq. 8 decides that, too.
+  /// Scans that looked through a voxel of which no scan of the session had a point, from which on alpha_v is
+  /// contradicted_alpha: where nothing is any more, few looks say as much as many, and what stood there for weeks is no
+  /// reason to doubt it. 0: eq. 8 decides that, too.
   int contradicting_scans = 3;
+  double contradicted_alpha = 0;
 };
 
 /// alpha_v of eq. 8 for N_S scans of evidence; the exponential comes from a table, so that every machine agrees (it is

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/ratio_map/map_filter.h"
 #include "core/voxels/normal.h"
 
 namespace mapkeep {
@@ -71,30 +72,34 @@ TEST(Merge, RoundsHalfToEven) {
   EXPECT_EQ(merged.exposures, 4 + 8);
 }
 
+// Eq. 8 alone, without the rule of contradiction.
+constexpr MergeParameters kDecayAlone{.contradicting_scans = 0};
+
 TEST(Merge, OneContrarySessionOfEqualWeightHidesAVoxel) {
   // 20 scans hit it on Monday, 20 scans look through it on Tuesday, N_max = 20: alpha = 0.1, H = 2, E = 20 scans.
-  const Voxel merged = OnlyVoxel({.hits = 160}, {.exposures = 20}, 20);
+  const Voxel merged = OnlyVoxel({.hits = 160}, {.exposures = 20}, 20, kDecayAlone);
   EXPECT_EQ(merged.hits, 16);
   EXPECT_EQ(merged.exposures, 160);
-  EXPECT_LT(Stability(merged.hits, merged.exposures, 0), 0.35);
+  EXPECT_LT(Stability(merged.hits, merged.exposures, 0), MapFilterParameters{}.stability_threshold);
 }
 
-TEST(Merge, AFewScansThroughWhatIsNotThereAnyMoreForgetAsMuchAsMany) {
+TEST(Merge, AFewScansThroughWhatIsNotThereAnyMoreForgetIt) {
   // Hit in 40 scans over the days, now looked through in three of the 60 that count elsewhere.
   const Voxel old{.hits = 320, .exposures = 8};
-  const Voxel merged = OnlyVoxel(old, {.exposures = 3}, 60);
-  EXPECT_EQ(merged.hits, 32);
-  EXPECT_EQ(merged.exposures, 24 + 1);
+  EXPECT_TRUE(MergedVoxels(old, {.exposures = 3}, 60).empty());
+  const Voxel tenth = OnlyVoxel(old, {.exposures = 3}, 60, {.contradicted_alpha = 0.1});
+  EXPECT_EQ(tenth.hits, 32);
+  EXPECT_EQ(tenth.exposures, 24 + 1);
   // Two may be chance; what removal took was there; and eq. 8 alone keeps nearly all.
   EXPECT_GT(OnlyVoxel(old, {.exposures = 2}, 60).hits, 270);
   EXPECT_GT(OnlyVoxel(old, {.exposures = 3, .was_removed = true}, 60).hits, 250);
-  EXPECT_GT(OnlyVoxel(old, {.exposures = 3}, 60, {.contradicting_scans = 0}).hits, 250);
+  EXPECT_GT(OnlyVoxel(old, {.exposures = 3}, 60, kDecayAlone).hits, 250);
 }
 
 TEST(Merge, AVoxelBelowAQuarterScanIsDropped) {
   // alpha = 0.1: 24 eighths become 2.4 -> 2 = 1/4 scan and stay; 14 become 1.4 -> 1 and go.
-  EXPECT_EQ(MergedVoxels({.hits = 24}, {.exposures = 20}, 20).size(), 1U);
-  EXPECT_TRUE(MergedVoxels({.hits = 14}, {.exposures = 20}, 20).empty());
+  EXPECT_EQ(MergedVoxels({.hits = 24}, {.exposures = 20}, 20, kDecayAlone).size(), 1U);
+  EXPECT_TRUE(MergedVoxels({.hits = 14}, {.exposures = 20}, 20, kDecayAlone).empty());
 }
 
 TEST(Merge, WhatTheSessionDidNotSeeStaysAsItWas) {
