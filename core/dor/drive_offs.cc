@@ -2,6 +2,8 @@
 
 #include <absl/container/flat_hash_map.h>
 #include <absl/container/flat_hash_set.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -130,20 +132,31 @@ class DriveOffs {
         seen_near[{cell[0] + i % 3 - 1, cell[1] + i / 3 % 3 - 1, cell[2] + i / 9 - 1}] |= about;
       }
     }
+    std::vector<char> is_abandoned(indices_.size());
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, static_cast<uint32_t>(indices_.size()), 1024),
+                      [&](const auto& range) {
+                        for (uint32_t id = range.begin(); id != range.end(); ++id)
+                          is_abandoned[id] = IsAbandoned(id, seen_near);
+                      });
     std::vector<uint32_t> abandoned;
     for (uint32_t id = 0; id < indices_.size(); ++id) {
-      if (!IsSolid(id) || Last(id) > end_ - kUnseen) continue;
-      const auto near = seen_near.find(CellOf(id));
-      if (near == seen_near.end() || (near->second & BitOf(Last(id))) == 0) continue;
-      int setting_out = 0, around = 0, staying = 0;
-      ForEachInBall(kBeside / parameters_.voxel_size, id, [&](uint32_t other) {
-        setting_out += dynamic_[other] && First(other) >= Last(id) - kBefore && First(other) <= Last(id) + kAfter;
-        around += static_[other];
-        staying += static_[other] && Last(other) > Last(id) + kStays;
-      });
-      if (setting_out >= 2 && staying <= 0.3 * around && IsOfBody(id)) abandoned.push_back(id);
+      if (is_abandoned[id]) abandoned.push_back(id);
     }
     return abandoned;
+  }
+
+  // `seen_near`: by cell, when anything was first seen in it or beside it.
+  bool IsAbandoned(uint32_t id, const absl::flat_hash_map<Cell, uint64_t>& seen_near) const {
+    if (!IsSolid(id) || Last(id) > end_ - kUnseen) return false;
+    const auto near = seen_near.find(CellOf(id));
+    if (near == seen_near.end() || (near->second & BitOf(Last(id))) == 0 || !IsOfBody(id)) return false;
+    int setting_out = 0, around = 0, staying = 0;
+    ForEachInBall(kBeside / parameters_.voxel_size, id, [&](uint32_t other) {
+      setting_out += dynamic_[other] && First(other) >= Last(id) - kBefore && First(other) <= Last(id) + kAfter;
+      around += static_[other];
+      staying += static_[other] && Last(other) > Last(id) + kStays;
+    });
+    return setting_out >= 2 && staying <= 0.3 * around;
   }
 
   // What hangs together with a voxel of a body.
