@@ -19,6 +19,7 @@
 #include <cstdlib>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -42,6 +43,7 @@ struct Options {
   int idle = 2000;
   int megabytes = 2000;
   int robots = 2;
+  int rounds = 1;
   std::vector<std::string> flags;
 };
 
@@ -71,32 +73,40 @@ void Check(const grpc::Status& status, const char* what) {
   std::exit(1);
 }
 
-// Each with a connection of its own and a stream that waits for news of a session.
-void MeasureIdle(const DaemonProcess& daemon, int robots) {
-  Robot robot(daemon.listen());
-  Check(robot.CreateMap("idle"), "CreateMap");
-  const WireScan scan = Wire(0, DriveAlong(Street(), 1, 1.7e9).scans[0], Pose::Identity());
-  Check(robot.Begin("idle", "waiting", {scan}), "BeginSession");
-  const double before = ResidentBytes(daemon);
-  v1::WatchSessionRequest request;
-  request.set_map("idle");
-  request.set_id("waiting");
-  std::vector<std::unique_ptr<v1::SessionService::Stub>> stubs;
-  std::vector<std::unique_ptr<grpc::ClientContext>> calls;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::WatchSessionResponse>>> watches;
-  for (int i = 0; i < robots; ++i) {
-    stubs.push_back(v1::SessionService::NewStub(ChannelTo(daemon.listen())));
-    calls.push_back(std::make_unique<grpc::ClientContext>());
-    watches.push_back(stubs.back()->WatchSession(calls.back().get(), request));
-    v1::WatchSessionResponse now;
-    if (!watches.back()->Read(&now)) Check(watches.back()->Finish(), "WatchSession");
+// Robots that only stay connected, each with a connection of its own and a stream that waits for news of a session.
+class IdleRobots {
+ public:
+  IdleRobots(const DaemonProcess& daemon, int robots) {
+    Robot robot(daemon.listen());
+    Check(robot.CreateMap("idle"), "CreateMap");
+    const WireScan scan = Wire(0, DriveAlong(Street(), 1, 1.7e9).scans[0], Pose::Identity());
+    Check(robot.Begin("idle", "waiting", {scan}), "BeginSession");
+    const double before = ResidentBytes(daemon);
+    v1::WatchSessionRequest request;
+    request.set_map("idle");
+    request.set_id("waiting");
+    for (int i = 0; i < robots; ++i) {
+      stubs_.push_back(v1::SessionService::NewStub(ChannelTo(daemon.listen())));
+      calls_.push_back(std::make_unique<grpc::ClientContext>());
+      watches_.push_back(stubs_.back()->WatchSession(calls_.back().get(), request));
+      v1::WatchSessionResponse now;
+      if (!watches_.back()->Read(&now)) Check(watches_.back()->Finish(), "WatchSession");
+    }
+    const double mebibytes = (ResidentBytes(daemon) - before) / (1 << 20);
+    std::printf("idle: %d robots, each connected and watching: %.0f MiB more, %.1f KiB a robot\n", robots, mebibytes,
+                mebibytes * 1024 / robots);
   }
-  const double mebibytes = (ResidentBytes(daemon) - before) / (1 << 20);
-  std::printf("idle: %d robots, each connected and watching: %.0f MiB more, %.1f KiB a robot\n", robots, mebibytes,
-              mebibytes * 1024 / robots);
-  for (auto& call : calls) call->TryCancel();
-  for (auto& watch : watches) watch->Finish();
-}
+
+  ~IdleRobots() {
+    for (auto& call : calls_) call->TryCancel();
+    for (auto& watch : watches_) watch->Finish();
+  }
+
+ private:
+  std::vector<std::unique_ptr<v1::SessionService::Stub>> stubs_;
+  std::vector<std::unique_ptr<grpc::ClientContext>> calls_;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::WatchSessionResponse>>> watches_;
+};
 
 // A scan like a lidar's: smooth ranges with noise in the low bits, so that it compresses as real ones do.
 WireScan LidarScan(uint32_t index) {
@@ -249,14 +259,9 @@ double DdRate(const std::string& directory, int scans) {
   return 16.0 * kPoints * scans / kMegabyte / seconds;
 }
 
-void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
-  Robot robot(daemon.listen());
-  Check(robot.CreateMap("site"), "CreateMap");
-  Check(robot.CreateMap("tiles"), "CreateMap");
-  Check(robot.UploadDrive("tiles", "s", DriveAlong(Street(), 12, 1.7e9)), "UploadDrive");
-  robot.Watch("tiles", "s");
-  std::vector<WireScan> kinds;
-  for (uint32_t i = 0; i < 8; ++i) kinds.push_back(LidarScan(i));
+// Uploads as many sessions at a time as there are robots; the seconds of each tile's read meanwhile.
+std::vector<double> MeasureRound(const DaemonProcess& daemon, const Options& options,
+                                 const std::vector<WireScan>& kinds, int round) {
   const int scans = static_cast<int>(options.megabytes * kMegabyte / (16.0 * kPoints) / options.robots);
   const TemporaryDirectory beside;
   const double dd_before = DdRate(beside.path(), scans * options.robots);
@@ -267,7 +272,7 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
   for (int i = 0; i < options.robots; ++i) {
     robots.emplace_back([&, i] {
       GiveWay();
-      Upload(daemon.listen(), "u" + std::to_string(i), kinds, scans);
+      Upload(daemon.listen(), "u" + std::to_string(round) + "-" + std::to_string(i), kinds, scans);
     });
   }
   for (std::thread& one : robots) one.join();
@@ -280,6 +285,23 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
       "upload: %d robots, %.0f MB of raw scans in %.1f s: %.0f MB/s durable; dd oflag=dsync before %.0f, after %.0f "
       "MB/s: %.0f %%\n",
       options.robots, rate * seconds, seconds, rate, dd_before, dd_after, 100 * rate / dd);
+  std::fflush(stdout);
+  return reads;
+}
+
+void MeasureUploads(const DaemonProcess& daemon, const Options& options) {
+  Robot robot(daemon.listen());
+  Check(robot.CreateMap("site"), "CreateMap");
+  Check(robot.CreateMap("tiles"), "CreateMap");
+  Check(robot.UploadDrive("tiles", "s", DriveAlong(Street(), 12, 1.7e9)), "UploadDrive");
+  robot.Watch("tiles", "s");
+  std::vector<WireScan> kinds;
+  for (uint32_t i = 0; i < 8; ++i) kinds.push_back(LidarScan(i));
+  std::vector<double> reads;
+  for (int round = 0; round < options.rounds; ++round) {
+    const std::vector<double> more = MeasureRound(daemon, options, kinds, round);
+    reads.insert(reads.end(), more.begin(), more.end());
+  }
   if (reads.empty()) {
     std::fprintf(stderr, "no tile was read\n");
     std::exit(1);
@@ -294,8 +316,7 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
     const char* const method = kind == 0 ? "GetTiles" : "StreamTiles";
     std::printf(
         "%s (%s) meanwhile: %zu reads, median %.2f ms, p99 %.2f ms, longest %.2f ms; in the daemon alone %.1f %% "
-        "within "
-        "2 ms, %.1f %% within 5 ms\n",
+        "within 2 ms, %.1f %% within 5 ms\n",
         kind == 0 ? "a tile" : "its blocks", method, sorted.size(), at(0.5), at(0.99), at(1),
         PercentWithin(daemon, method, "0.002"), PercentWithin(daemon, method, "0.005"));
   }
@@ -308,10 +329,11 @@ void MeasureUpload(const DaemonProcess& daemon, const Options& options) {
 int main(int argc, char** argv) {
   mapkeep::Options options;
   CLI::App app("What a daemon bears: idle robots, uploads, tiles meanwhile.");
-  app.add_option("--idle", options.idle, "Robots that stay connected and watch; 0: not measured")
+  app.add_option("--idle", options.idle, "Robots that stay connected and watch all the while; 0: none")
       ->capture_default_str();
   app.add_option("--megabytes", options.megabytes, "Raw scans to upload; 0: not measured")->capture_default_str();
   app.add_option("--robots", options.robots, "That upload at a time")->capture_default_str();
+  app.add_option("--rounds", options.rounds, "Times that they do; tiles' reads are pooled")->capture_default_str();
   app.add_option("--daemon-flag", options.flags, "Passed on to mapkeepd, a word each");
   std::string read_tiles;
   app.add_option("--read-tiles", read_tiles, "HOST:PORT: only read a tile there until standard input ends");
@@ -325,7 +347,8 @@ int main(int argc, char** argv) {
   files.rlim_cur = files.rlim_max;
   setrlimit(RLIMIT_NOFILE, &files);
   const mapkeep::DaemonProcess daemon(options.flags);
-  if (options.idle > 0) mapkeep::MeasureIdle(daemon, options.idle);
-  if (options.megabytes > 0) mapkeep::MeasureUpload(daemon, options);
+  std::optional<mapkeep::IdleRobots> idle;  // as long as the daemon is measured
+  if (options.idle > 0) idle.emplace(daemon, options.idle);
+  if (options.megabytes > 0) mapkeep::MeasureUploads(daemon, options);
   return 0;
 }
