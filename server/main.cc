@@ -19,10 +19,20 @@ namespace {
 constexpr int kCannotServe = 1;
 constexpr int kBadConfiguration = 2;
 
+constexpr int kLargestOfHeaps = 32 << 20;  // bytes; the most that glibc takes
+constexpr int kNeverByItself = 1 << 30;    // bytes at the end of a heap that are given back; SpareMemory does that
+constexpr int kGrowth = 4 << 20;           // bytes by which a heap grows at least
+
 // glibc gives every thread a heap of its own, up to eight a core, and what one of them let go of is of no use to the
 // others: with scans of megabytes going through dozens of threads, most of the daemon's memory was free and resident.
-// Before any thread is started.
-void ShareHeaps() { mallopt(M_ARENA_MAX, static_cast<int>(2 * std::max(1U, std::thread::hardware_concurrency()))); }
+// It also asks the system for more and gives it back with every other chunk of a scan, and meanwhile nobody touches
+// new memory: threads that answer waited for one that had given way in the midst of it. Before any thread is started.
+void ShareHeaps() {
+  mallopt(M_ARENA_MAX, static_cast<int>(2 * std::max(1U, std::thread::hardware_concurrency())));
+  mallopt(M_MMAP_THRESHOLD, kLargestOfHeaps);
+  mallopt(M_TRIM_THRESHOLD, kNeverByItself);
+  mallopt(M_TOP_PAD, kGrowth);
+}
 
 // mapkeepd token ...
 int PrintToken(int argc, char** argv) {
