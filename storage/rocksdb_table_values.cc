@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "storage/small_writes.h"
 #include "storage/text.h"
 
 namespace mapkeep {
@@ -18,7 +19,7 @@ rocksdb::ColumnFamilyOptions RocksDbTableValues::Options(const rocksdb::ColumnFa
 }
 
 RocksDbTableValues::RocksDbTableValues(rocksdb::DB& db, rocksdb::ColumnFamilyHandle& family, std::string directory)
-    : db_(db), family_(family), directory_(std::move(directory)) {
+    : db_(db), family_(family), directory_(std::move(directory)), small_writes_(WithSmallWrites(*db.GetEnv())) {
   rocksdb::Env& env = *db_.GetEnv();
   std::vector<std::string> left;
   if (!env.GetChildren(directory_, &left).ok()) return;
@@ -30,7 +31,8 @@ rocksdb::Status RocksDbTableValues::Put(std::vector<Entry> entries) {
   rocksdb::Env& env = *db_.GetEnv();
   if (rocksdb::Status made = env.CreateDirIfMissing(directory_); !made.ok()) return made;
   const std::string file = Text(directory_, "/", ++files_);
-  const rocksdb::Options options = db_.GetOptions(&family_);
+  rocksdb::Options options = db_.GetOptions(&family_);
+  options.env = small_writes_.get();
   // Whoever runs the session reads the scans soon: they stay in the system's cache.
   rocksdb::SstFileWriter writer(rocksdb::EnvOptions(options), options, &family_, /*invalidate_page_cache=*/false);
   rocksdb::Status status = writer.Open(file);

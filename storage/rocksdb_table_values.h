@@ -1,11 +1,13 @@
 #pragma once
 
 #include <rocksdb/db.h>
+#include <rocksdb/env.h>
 #include <rocksdb/status.h>
 #include <rocksdb/write_batch.h>
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -45,6 +47,7 @@ class RocksDbTableValues {
   rocksdb::DB& db_;
   rocksdb::ColumnFamilyHandle& family_;
   const std::string directory_;
+  const std::unique_ptr<rocksdb::Env> small_writes_;  // of table files
   std::atomic<uint64_t> files_ = 0;
 };
 
