@@ -13,6 +13,7 @@
 #include "core/scan_payload/scan_payload.h"
 #include "core/voxels/voxel_index.h"
 #include "server/rpc/convert.h"
+#include "storage/pause.h"
 
 namespace mapkeep {
 namespace {
@@ -155,10 +156,12 @@ absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc3
   const auto pose = FromProto(header.pose());
   if (!pose.ok()) return At(scan, pose.status());
 
+  LetOthersRun();
   auto points = DecodePayload(raw.bytes, FormatOf(header), header.point_count());
   if (!points.ok()) return At(scan, points.status());
   StagedScan staged{.scan = *std::move(points), .pose = *pose, .payload_bytes = raw.bytes.size()};
   staged.scan.time = header.time();
+  LetOthersRun();
   Pose in_map = *pose;
   in_map.translation() -= range.origin;
   if (AllSurelyFine(staged.scan, in_map, range.voxel_size)) return staged;

@@ -20,6 +20,7 @@
 #include "server/rpc/scan_assembly.h"
 #include "server/rpc/sessions.h"
 #include "server/rpc/tile_buffers.h"
+#include "storage/pause.h"
 
 namespace mapkeep {
 namespace {
@@ -121,6 +122,7 @@ class Upload final : public Reactor {
     while (std::optional<grpc::ByteBuffer> message = NextMessage()) {
       const absl::Status status = Receive(*message);
       message.reset();
+      LetOthersRun();
       const std::lock_guard lock(mutex_);
       ++messages_;
       if (!status.ok()) {
@@ -228,6 +230,7 @@ class Upload final : public Reactor {
         break;
       }
       staged.push_back(*std::move(scan));
+      LetOthersRun();
     }
     size_t sent = 0, kept = 0;  // bytes; quotas are of what is kept
     for (size_t i = 0; i < staged.size(); ++i) {

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "server/background.h"
+#include "storage/pause.h"
 #include "tests/integration/any_call.h"
 #include "tests/integration/daemon_process.h"
 #include "tests/integration/http_status.h"
@@ -155,6 +156,7 @@ void Upload(const std::string& address, const std::string& id, const std::vector
     for (size_t at = 0; alive && at < scan.bytes.size(); at += kChunk) {
       message.set_chunk(scan.bytes.data() + at, std::min(kChunk, scan.bytes.size() - at));
       alive = upload->Write(message);
+      LetOthersRun();
     }
     if (!alive) break;
   }
