@@ -152,8 +152,8 @@ absl::StatusOr<SimulatedSession> DriveThroughCity(const City& city, int session,
   for (size_t k = 0; k < city.rows.size(); ++k) {
     const City::Row& row = city.rows[k];
     uint32_t next_id = 0;
-    std::vector<SceneObject> in_row = StandingIn(row.street, session, parameters, next_id);
     const RobotPath robot = [&row, &parameters](double time) { return InRow(row, RobotAt(parameters, time)); };
+    std::vector<SceneObject> in_row = StandingIn(row.street, session, parameters, robot, next_id);
     std::vector<SceneObject> passing =
         TrafficOf(row.street, parameters.traffic, robot, parameters.speed, duration, SeedOf(seed, k + 1), next_id);
     std::move(passing.begin(), passing.end(), std::back_inserter(in_row));

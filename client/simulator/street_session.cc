@@ -74,15 +74,16 @@ absl::Status CheckDrive(const DriveParameters& parameters, int session) {
 }
 
 std::vector<SceneObject> StandingIn(const Street& street, int session, const DriveParameters& parameters,
-                                    uint32_t& next_id) {
+                                    const RobotPath& robot, uint32_t& next_id) {
   const double duration = static_cast<double>(parameters.scans) * parameters.sensor.period;
   Occupancy occupancy = OccupancyOf(street, session);
   std::vector<SceneObject> objects = street.fixed;
   std::move(occupancy.constructions.begin(), occupancy.constructions.end(), std::back_inserter(objects));
   for (ParkedVehicle& vehicle : occupancy.vehicles) {
     if (vehicle.drives_off) {
-      const double wait = parameters.traffic.wait + kLeastAway <= duration ? parameters.traffic.wait : duration / 2;
-      vehicle.object.track = DriveOff(street, vehicle.slot, wait);
+      const bool in_time = parameters.traffic.wait + kLeastAway <= duration;
+      const double wait = in_time ? parameters.traffic.wait : duration / 2;
+      vehicle.object.track = DriveOff(street, vehicle.slot, wait, std::max(wait, duration - kLeastAway), robot);
       vehicle.object.state = ObjectState::kMoving;
     }
     objects.push_back(std::move(vehicle.object));
@@ -104,7 +105,7 @@ absl::StatusOr<SimulatedSession> DriveThrough(const Street& street, int session,
   };
 
   uint32_t next_id = 0;
-  std::vector<SceneObject> objects = StandingIn(street, session, parameters, next_id);
+  std::vector<SceneObject> objects = StandingIn(street, session, parameters, robot, next_id);
   std::vector<SceneObject> passing =
       TrafficOf(street, traffic, robot, parameters.speed, duration, SeedOf(seed, 1), next_id);
   std::move(passing.begin(), passing.end(), std::back_inserter(objects));

@@ -30,9 +30,9 @@ double StartOfSession(int session);
 Pose SwayAt(double time, double speed);
 
 /// What is parked, waits to drive off or is built in a street, beside what never changes. The ids that are free for
-/// what only passes begin at `next_id`.
+/// what only passes begin at `next_id`. `robot` is the robot's way in the street's coordinates.
 std::vector<SceneObject> StandingIn(const Street& street, int session, const DriveParameters& parameters,
-                                    uint32_t& next_id);
+                                    const RobotPath& robot, uint32_t& next_id);
 
 /// INVALID_ARGUMENT naming the parameter that is out of its range.
 absl::Status CheckDrive(const DriveParameters& parameters, int session);

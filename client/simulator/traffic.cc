@@ -179,6 +179,33 @@ class Traffic {
   std::vector<SceneObject> objects_;
 };
 
+constexpr double kGap = 7;        // metres from the middle of a car to the robot's, behind which it stands
+constexpr double kHeadway = 1;    // seconds that it keeps besides
+constexpr double kLookAhead = 3;  // seconds for which the robot must not come by when a car pulls out
+
+// Whether the robot drives in the lane at `d`, with its traffic.
+bool IsInLane(const RobotPlace& robot, double d) { return std::abs(robot.d - d) < kLane && std::cos(robot.yaw) > 0; }
+
+double LaneOf(const ParkingSlot& slot) { return slot.d < 0 ? -kLane : kLane; }
+
+// Whether whoever stands in `slot` can pull out at `time` without being in the robot's way.
+bool IsClear(const ParkingSlot& slot, double time, const RobotPath& robot) {
+  for (double when = time; when <= time + kLookAhead; when += kKeyStep) {
+    const RobotPlace place = robot(when);
+    if (IsInLane(place, LaneOf(slot)) && std::abs(place.s - slot.s) < kGap) return false;
+  }
+  return true;
+}
+
+// The time nearest to `time` at which it can, if there is one until `latest`.
+std::optional<double> ClearNear(const ParkingSlot& slot, double time, double latest, const RobotPath& robot) {
+  for (double off = 0; time - off > 0 || time + off <= latest; off += kKeyStep) {
+    if (time + off <= latest && IsClear(slot, time + off, robot)) return time + off;
+    if (time - off > 0 && IsClear(slot, time - off, robot)) return time - off;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 double StopAndGoTime(double time) {
@@ -212,22 +239,28 @@ std::vector<SceneObject> TrafficOf(const Street& street, const TrafficParameters
   return traffic.Take();
 }
 
-Track DriveOff(const Street& street, const ParkingSlot& slot, double time) {
+Track DriveOff(const Street& street, const ParkingSlot& slot, double time, double latest, const RobotPath& robot) {
   constexpr double kAcceleration = 1.8, kPullOut = 11, kWay = 90;  // metres a second^2; metres; metres
+  constexpr int kMaxKeys = 3000;                                   // ten minutes behind a robot that stands
   Track track = {{0, street.ground.OnWheelsAt(slot.s, slot.d, slot.yaw)}};
-  const double lane = slot.d < 0 ? -kLane : kLane;
-  for (int i = 0;; ++i) {
-    const double t = kKeyStep * i;
-    const double ramp = std::min(t, kTrafficSpeed / kAcceleration);
-    const double travel = kAcceleration * ramp * ramp / 2 + kTrafficSpeed * (t - ramp);
-    const double s = slot.s + travel;
+  const std::optional<double> begin = ClearNear(slot, time, latest, robot);
+  if (!begin.has_value()) return track;
+  const double lane = LaneOf(slot);
+  double travel = 0, speed = 0;
+  for (int i = 0; i < kMaxKeys; ++i) {
+    const double now = *begin + kKeyStep * i, s = slot.s + travel;
     if (travel > kWay || s > street.ground.end() - 3) break;
     const double u = std::clamp(travel / kPullOut, 0.0, 1.0);
     const double d = slot.d + (lane - slot.d) * u * u * (3 - 2 * u);
     const double turn = std::atan2((lane - slot.d) * 6 * u * (1 - u), kPullOut);
     const double yaw = u < 1 ? (1 - u) * slot.yaw + turn : turn;
-    if (i == 0 && time <= 0) continue;
-    track.push_back({time + t, street.ground.OnWheelsAt(s, d, yaw)});
+    if (now > 0) track.push_back({now, street.ground.OnWheelsAt(s, d, yaw)});
+    const RobotPlace ahead = robot(now);
+    double allowed = kTrafficSpeed;
+    if (IsInLane(ahead, lane) && ahead.s > s) allowed = std::clamp((ahead.s - s - kGap) / kHeadway, 0.0, allowed);
+    const double next = std::min(speed + kAcceleration * kKeyStep, allowed);
+    travel += kKeyStep * (speed + next) / 2;
+    speed = next;
   }
   return track;
 }

@@ -32,7 +32,9 @@ double StopAndGoTime(double time);
 std::vector<SceneObject> TrafficOf(const Street& street, const TrafficParameters& parameters, const RobotPath& robot,
                                    double robot_speed, double duration, uint64_t seed, uint32_t first_id);
 
-/// The track of a car that stands in `slot` (at the right kerb) and drives off at `time`.
-Track DriveOff(const Street& street, const ParkingSlot& slot, double time);
+/// The track of a car that stands in `slot` (at the right kerb) and drives off at `time`, or at the time nearest to it,
+/// up to `latest`, at which the robot does not just come by; it follows the robot if that drives ahead. It stays if
+/// there is no such time.
+Track DriveOff(const Street& street, const ParkingSlot& slot, double time, double latest, const RobotPath& robot);
 
 }  // namespace mapkeep

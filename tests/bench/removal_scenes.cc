@@ -10,7 +10,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr int kSimulatorVersion = 2;  // raise it when the simulator gives other points or labels for the same scene
+constexpr int kSimulatorVersion = 3;  // raise it when the simulator gives other points or labels for the same scene
 
 }  // namespace
 

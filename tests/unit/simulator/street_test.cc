@@ -140,6 +140,32 @@ TEST(Street, AWaitingCarStandsThenLeavesAndIsMovingAllTheTime) {
   EXPECT_EQ(count, 3) << "one a street";
 }
 
+TEST(Street, ACarThatPullsOutLetsTheRobotPassAndStaysBehindIt) {
+  for (const bool stop_and_go : {false, true}) {
+    for (const double wait : {1.0, 2.5, 4.0, 6.0}) {
+      DriveParameters drive = DriveWith("vlp16", 300);
+      drive.start = 10;
+      drive.traffic = {.density = 0, .crowd = 0, .stop_and_go = stop_and_go, .wait = wait};
+      const auto session = DriveThrough(FirstStreet(), 0, drive);
+      int pulled_out = 0;
+      for (const SceneObject& object : session->objects) {
+        if (object.state != ObjectState::kMoving) continue;
+        ++pulled_out;
+        for (size_t i = 0; i < session->truth.size(); ++i) {
+          const double time = static_cast<double>(i) * drive.sensor.period;
+          const std::optional<Pose> pose = PoseAt(object.track, time);
+          if (!pose.has_value()) continue;
+          const Eigen::Vector2d apart = (session->truth[i].inverse() * pose->translation()).head<2>();
+          // Beside it is only who is still parked, a lane's middle away.
+          EXPECT_TRUE(std::abs(apart.x()) > 5 || std::abs(apart.y()) > 2)
+              << "after " << time << " s: " << apart.transpose();
+        }
+      }
+      EXPECT_GT(pulled_out, 0);
+    }
+  }
+}
+
 TEST(Street, StopAndGoStopsTheRobotToo) {
   DriveParameters drive = DriveWith("vlp16", 240);
   drive.traffic.stop_and_go = true;
