@@ -27,18 +27,29 @@ constexpr double kMinOrdered = 0.8;    // share of a vacated voxel's exposures t
 constexpr uint32_t kMinHits = 3;       // of a vacated voxel
 constexpr uint32_t kMinConfirmed = 2;  // scans that make a confirmed void of one
 
+// What sets out beside a voxel that is left.
+constexpr double kBeside = 0.8;         // metres
+constexpr int kSetsOutBefore = 8;       // scans before the last hit
+constexpr int kSetsOutAfter = 20;       // and after it, in which it is first seen there
+constexpr int kMinSettingOut = 4;       // voxels
+constexpr double kMinSteadiness = 0.8;  // share of the scans between first and last hit that hit the voxel
+
 // Why a voxel may have been vacated.
 constexpr char kFree = 1, kConfirmed = 2;
+constexpr char kGrazed = 4;  // and why not
 
 // One direction of time. An arrival is a departure seen backwards.
 class Departures {
  public:
-  Departures(const VoxelGrid& grid, const std::vector<VoxelIndex>& indices, std::span<const char> candidates,
-             const DepartureParameters& parameters, std::vector<int32_t> last, std::vector<int32_t> free)
+  Departures(const VoxelGrid& grid, const DepartureEvidence& evidence, const DepartureParameters& parameters,
+             std::vector<int32_t> first, std::vector<int32_t> last, std::vector<int32_t> free)
       : grid_(grid),
-        indices_(indices),
-        candidates_(candidates),
+        indices_(evidence.indices),
+        candidates_(evidence.candidates),
+        is_dynamic_(evidence.is_dynamic),
+        is_grazed_(evidence.is_grazed),
         parameters_(parameters),
+        first_(std::move(first)),
         last_(std::move(last)),
         free_(std::move(free)),
         near_(std::max(kNearVoxels, kNear / parameters.voxel_size)) {}
@@ -79,7 +90,8 @@ class Departures {
  private:
   using Cell = std::array<int32_t, 3>;
 
-  // Densely and at the same time, and near a confirmed void: what is looked through here and there does not count.
+  // Densely and at the same time, and near a confirmed void or where something set out: what is looked through here and
+  // there does not count.
   void FindVacated(const std::vector<uint32_t>& free_scans, const std::vector<uint32_t>& confirmed_scans,
                    const VoxelCounts& counts) {
     std::vector<char> kinds(indices_.size());
@@ -95,20 +107,28 @@ class Departures {
           free_scans[id] >= kMinOrdered * counts.exposures[id]) {
         kinds[id] |= kFree;
       }
-      if (kinds[id] != 0) free.push_back(id);
+      if (kinds[id] == 0) continue;
+      free.push_back(id);
     }
     confirmed.Finish();
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, free.size(), 256), [&](const auto& range) {
+      for (size_t i = range.begin(); i != range.end(); ++i) {
+        if (is_grazed_(free[i], static_cast<uint32_t>(std::abs(free_[free[i]])))) kinds[free[i]] |= kGrazed;
+      }
+    });
     std::vector<char> is_vacated(free.size());
     tbb::parallel_for(tbb::blocked_range<size_t>(0, free.size(), 256), [&](const auto& range) {
       for (size_t i = range.begin(); i != range.end(); ++i) {
-        if (!confirmed.AnyNear(indices_[free[i]])) continue;
+        const char kind = kinds[free[i]];
+        const bool is_void =
+            confirmed.AnyNear(indices_[free[i]]) && ((kind & kGrazed) == 0 || (kind & kConfirmed) != 0);
+        if (!is_void && !IsLeftBySomething(free[i], free_scans[free[i]], counts)) continue;
         int together = 0, together_confirmed = 0;
         ForEachNear(free[i], [&](uint32_t other) {
           if (std::abs(last_[other] - last_[free[i]]) > kSlack) return;
-          together += (kinds[other] & kFree) != 0;
+          together += (kinds[other] & kFree) != 0 && !(is_void && (kinds[other] & kGrazed) != 0);
           together_confirmed += (kinds[other] & kConfirmed) != 0;
         });
-        const char kind = kinds[free[i]];
         is_vacated[i] = ((kind & kFree) != 0 && together >= parameters_.vacated_neighbours) ||
                         ((kind & kConfirmed) != 0 && together_confirmed >= parameters_.confirmed_neighbours);
       }
@@ -116,6 +136,20 @@ class Departures {
     for (size_t i = 0; i < free.size(); ++i) {
       if (is_vacated[i]) vacated_.push_back(free[i]);
     }
+  }
+
+  // Whether a voxel was hit all the time, and something was first seen beside it when that ended.
+  bool IsLeftBySomething(uint32_t id, uint32_t free_scans, const VoxelCounts& counts) const {
+    if (counts.hits[id] < kMinSteadiness * (last_[id] - first_[id] + 1) || free_scans < counts.exposures[id])
+      return false;
+    int setting_out = 0;
+    const int reach = static_cast<int>(std::ceil(kBeside / parameters_.voxel_size));
+    grid_.ForEachWithin(reach, indices_[id], [&](uint32_t other, int, int, int) {
+      if (!is_dynamic_[other]) return;
+      const int32_t since = first_[other] - last_[id];
+      setting_out += since >= -kSetsOutBefore && since <= kSetsOutAfter;
+    });
+    return setting_out >= kMinSettingOut;
   }
 
   Cell CellOf(const VoxelIndex& voxel) const {
@@ -204,48 +238,38 @@ class Departures {
   // Calls visit(id) for the voxels near one, itself included.
   template <typename Visit>
   void ForEachNear(uint32_t id, const Visit& visit) const {
-    const VoxelIndex& at = indices_[id];
-    const auto reach = static_cast<int>(near_);
-    for (int dz = -reach; dz <= reach; ++dz) {
-      for (int dy = -reach; dy <= reach; ++dy) {
-        for (int dx = -reach; dx <= reach; ++dx) {
-          if (dx * dx + dy * dy + dz * dz > near_ * near_) continue;
-          const uint32_t other = grid_.Find({at.x + dx, at.y + dy, at.z + dz});
-          if (other != kNoVoxel) visit(other);
-        }
-      }
-    }
+    grid_.ForEachInBall(near_, indices_[id], [&](uint32_t other, int, int, int) { visit(other); });
   }
 
   const VoxelGrid& grid_;
-  const std::vector<VoxelIndex>& indices_;
-  std::span<const char> candidates_;
+  std::span<const VoxelIndex> indices_;
+  std::span<const char> candidates_, is_dynamic_;
+  const std::function<bool(uint32_t, uint32_t)>& is_grazed_;
   const DepartureParameters& parameters_;
-  const std::vector<int32_t> last_;  // by id: the scan of the last hit
-  const std::vector<int32_t> free_;  // of vacated voxels: the scan that first looked through it then
-  const double near_;                // voxel edges
+  const std::vector<int32_t> first_;  // by id: the scan of the first hit
+  const std::vector<int32_t> last_;   // and of the last
+  const std::vector<int32_t> free_;   // of vacated voxels: the scan that first looked through it then
+  const double near_;                 // voxel edges
   std::vector<uint32_t> vacated_;
   std::vector<char> free_since_;  // by id: whether nearly all that looked through it did so after its last hit
 };
 
 }  // namespace
 
-std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& counts, std::span<const char> candidates,
+std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& counts, const DepartureEvidence& evidence,
                                  const DepartureParameters& parameters) {
   std::vector<char> departed(grid.size());
   if (!counts.ordered) return departed;
-  std::vector<VoxelIndex> indices(grid.size());
-  for (size_t brick = 0; brick < grid.brick_count(); ++brick) {
-    grid.ForEachInBrick(static_cast<int32_t>(brick), [&](uint32_t id, const VoxelIndex& v) { indices[id] = v; });
-  }
   const auto in_time = [&](const std::vector<uint32_t>& scans, int32_t direction) {
     std::vector<int32_t> times(scans.size());
     std::ranges::transform(scans, times.begin(), [&](uint32_t s) { return direction * static_cast<int32_t>(s); });
     return times;
   };
-  Departures(grid, indices, candidates, parameters, in_time(counts.last_hit, 1), in_time(counts.free_from, 1))
+  Departures(grid, evidence, parameters, in_time(counts.first_hit, 1), in_time(counts.last_hit, 1),
+             in_time(counts.free_from, 1))
       .Mark(counts.late, counts.confirmed_late, counts, departed);
-  Departures(grid, indices, candidates, parameters, in_time(counts.first_hit, -1), in_time(counts.free_until, -1))
+  Departures(grid, evidence, parameters, in_time(counts.last_hit, -1), in_time(counts.first_hit, -1),
+             in_time(counts.free_until, -1))
       .Mark(counts.early, counts.confirmed_early, counts, departed);
   return departed;
 }

@@ -99,9 +99,7 @@ class DriveOffs {
   // `radius` in voxel edges.
   template <typename Visit>
   void ForEachInBall(double radius, uint32_t id, const Visit& visit) const {
-    grid_.ForEachWithin(static_cast<int>(radius), indices_[id], [&](uint32_t other, int dx, int dy, int dz) {
-      if (dx * dx + dy * dy + dz * dz <= radius * radius) visit(other);
-    });
+    grid_.ForEachInBall(radius, indices_[id], [&](uint32_t other, int, int, int) { visit(other); });
   }
 
   // What is looked through as often as it is hit lies between two bodies: a range that is a mean of both.

@@ -51,6 +51,8 @@ absl::Status CheckParameters(const DorParameters& p) {
       Range{"setting_out", static_cast<double>(p.setting_out), 1, 1e6},
       Range{"decided_scans", static_cast<double>(p.decided_scans), 0, 1e6},
       Range{"surrounded_share", p.surrounded_share, 0, 1},
+      Range{"surrounded_time", p.surrounded_time, 0, 1},
+      Range{"surround_reach", p.surround_reach, 0, 2},
       Range{"ankle_tolerance", p.ankle_tolerance, 0, 10},
   };
   for (const Range& range : ranges) {

@@ -82,10 +82,13 @@ struct DorParameters {
   int setting_out = 7;     ///< scans that it takes for its first two metres at least: what drives by is sooner gone
 
   bool inherit = true;    ///< voxels with little evidence follow those around them
-  int decided_scans = 5;  ///< H + E from which a voxel's own evidence decides
+  int decided_scans = 8;  ///< H + E from which a voxel's own evidence decides
 
-  bool surround = true;           ///< voxels among dynamic ones that were looked through at all are dynamic
+  /// Voxels among dynamic ones that were looked through at all, or hit for a part of the time only, are dynamic.
+  bool surround = true;
   double surrounded_share = 0.6;  ///< share of the voxels around, without ground, that must be dynamic
+  double surrounded_time = 0.7;   ///< share of the time in which anything around was hit, below which it is a part
+  double surround_reach = 0.46;   ///< metres around, 2.3 voxels at least, in which the times are compared
 
   bool verify_ankles = true;      ///< look for feet and wheels in ground voxels under dynamic ones, or looked through
   double ankle_tolerance = 0.06;  ///< delta_tol: their points this far above the ground go, metres

@@ -198,23 +198,40 @@ void Doubt(const Scene& scene, const Surroundings& surroundings, const DorParame
   });
 }
 
+// Whether a voxel lies on a plane along which a sensor looks at it: there its rays may slip past.
+bool IsGrazed(const Scene& scene, uint32_t id, const Eigen::Vector3d& sensor) {
+  constexpr double kMaxSine = 0.15;  // of the angle between ray and surface
+  constexpr double kMinPlanarity = 0.5;
+  const Surface surface = SurfaceOf(scene.MomentsAround(id));
+  const Eigen::Vector3d ray = scene.Centroid(id) - sensor;
+  return surface.planarity() >= kMinPlanarity && std::abs(ray.dot(surface.normal)) < kMaxSine * ray.norm();
+}
+
 // What left or came during the session.
-void JudgeDepartures(const SessionVoxels& voxels, const VoxelCounts& counts, const DorParameters& parameters,
+void JudgeDepartures(const Scene& scene, const SessionVoxels& voxels, const VoxelCounts& counts,
+                     std::span<const Pose> poses, const DorParameters& parameters,
                      std::vector<VoxelVerdict>& verdicts) {
-  std::vector<char> candidates(verdicts.size());
+  if (!counts.ordered) return;
+  std::vector<char> candidates(verdicts.size()), is_dynamic(verdicts.size());
   for (uint32_t id = 0; id < verdicts.size(); ++id) {
-    candidates[id] = verdicts[id] != VoxelVerdict::kGround && counts.hits[id] > 0;
+    candidates[id] = verdicts[id] != VoxelVerdict::kGround && scene.was_hit(id);
+    is_dynamic[id] = verdicts[id] == VoxelVerdict::kDynamic;
   }
   // A surface of a given size has more voxels the smaller they are.
   const double more = std::clamp(std::pow(0.2 / parameters.voxel_size, 2), 1.0, 4.0);
-  const std::vector<char> departed =
-      FindDepartures(voxels.grid, counts, candidates,
-                     {.voxel_size = parameters.voxel_size,
-                      .vacated_scans = parameters.vacated_scans,
-                      .vacated_neighbours = static_cast<int>(std::lround(more * parameters.vacated_neighbours)),
-                      .confirmed_neighbours = static_cast<int>(std::lround(more * parameters.vacated_confirmed)),
-                      .confirm_reach = parameters.confirm_reach,
-                      .reach = parameters.departure_reach});
+  const std::vector<char> departed = FindDepartures(
+      voxels.grid, counts,
+      {.indices = scene.indices(),
+       .candidates = candidates,
+       .is_dynamic = is_dynamic,
+       .is_grazed = [&](uint32_t id,
+                        uint32_t scan) { return IsGrazed(scene, id, poses[voxels.order[scan]].translation()); }},
+      {.voxel_size = parameters.voxel_size,
+       .vacated_scans = parameters.vacated_scans,
+       .vacated_neighbours = static_cast<int>(std::lround(more * parameters.vacated_neighbours)),
+       .confirmed_neighbours = static_cast<int>(std::lround(more * parameters.vacated_confirmed)),
+       .confirm_reach = parameters.confirm_reach,
+       .reach = parameters.departure_reach});
   for (uint32_t id = 0; id < verdicts.size(); ++id) {
     if (departed[id]) verdicts[id] = VoxelVerdict::kDynamic;
   }
@@ -243,32 +260,56 @@ void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<Vo
   }
 }
 
-// What lies among dynamic voxels and was looked through at all belongs to the same thing: a person who hardly moves
-// leaves voxels in the middle that were hit most of the time. Without surroundings nothing is doubted.
-void JudgeSurrounded(const Scene& scene, const Surroundings* surroundings, const DorParameters& parameters,
+// What lies among dynamic voxels and was looked through at all, or was hit for a part of the time only in which
+// anything was hit around it, belongs to the same thing: a person who hardly moves leaves voxels in the middle that
+// were hit most of the time, and are never looked through while he stands behind them. Without surroundings nothing is
+// doubted.
+void JudgeSurrounded(const Scene& scene, const SessionVoxels& voxels, const VoxelCounts& counts,
+                     const Surroundings* surroundings, const DorParameters& parameters,
                      std::vector<VoxelVerdict>& verdicts) {
   constexpr int kRounds = 3;
   constexpr int kReach = 2;               // voxels
-  constexpr int kMaxSquaredDistance = 5;  // voxel edges
-  constexpr int kMinAround = 3;
+  constexpr double kMinRadius = 2.3;      // voxel edges: of the ball in which the times are compared
+  constexpr int kMaxSquaredDistance = 5;  // voxel edges: of those whose share decides where a ray looked through
+  constexpr int kMinAround = 3, kMinInBall = 4;
+  const double radius = std::max(kMinRadius, parameters.surround_reach / parameters.voxel_size);
+  const auto is_dynamic = [&](uint32_t id) { return verdicts[id] == VoxelVerdict::kDynamic; };
+  const auto counts_around = [&](uint32_t id) { return verdicts[id] != VoxelVerdict::kGround && scene.was_hit(id); };
+  // Whether it was hit for a part of the time of its surroundings, most of which are dynamic.
+  const auto is_part = [&](uint32_t id) {
+    uint32_t first = counts.first_hit[id], last = counts.last_hit[id];
+    const auto part = static_cast<double>(last - first + 1);
+    if (part >= parameters.surrounded_time * static_cast<double>(voxels.order.size())) return false;
+    int all = 0, dynamic = 0;
+    voxels.grid.ForEachInBall(radius, scene.index(id), [&](uint32_t other, int, int, int) {
+      if (!counts_around(other)) return;
+      ++all;
+      dynamic += is_dynamic(other);
+      first = std::min(first, counts.first_hit[other]);
+      last = std::max(last, counts.last_hit[other]);
+    });
+    return all >= kMinInBall && dynamic >= parameters.surrounded_share * all &&
+           part < parameters.surrounded_time * static_cast<double>(last - first + 1);
+  };
+  const auto is_surrounded = [&](uint32_t id) {
+    int around = 0, dynamic = 0;
+    scene.ForEachWithin(kReach, id, [&](uint32_t other, int dx, int dy, int dz) {
+      if (other == id || dx * dx + dy * dy + dz * dz > kMaxSquaredDistance || !counts_around(other)) return;
+      ++around;
+      dynamic += is_dynamic(other);
+    });
+    if (scene.was_exposed(id) && around >= kMinAround && dynamic > parameters.surrounded_share * around) return true;
+    return counts.ordered && dynamic > 0 && is_part(id);
+  };
   std::vector<char> surrounded(scene.size());
   // Those around which nothing became dynamic since they were looked at stay what they are.
   std::vector<uint32_t> changed = DynamicVoxels(verdicts);
   for (int round = 0; round < kRounds && !changed.empty(); ++round) {
     const NearVoxels near_change = NearVoxelsOf(scene, changed, kReach);
     scene.ForEach([&](uint32_t id) {
-      surrounded[id] = 0;
-      if (verdicts[id] != VoxelVerdict::kStatic || !scene.was_hit(id) || !scene.was_exposed(id)) return;
-      if (!near_change.AnyNear(scene.index(id))) return;
-      int dynamic = 0, around = 0;
-      scene.ForEachWithin(kReach, id, [&](uint32_t other, int dx, int dy, int dz) {
-        if (other == id || dx * dx + dy * dy + dz * dz > kMaxSquaredDistance) return;
-        if (verdicts[other] == VoxelVerdict::kGround || !scene.was_hit(other)) return;
-        ++around;
-        dynamic += verdicts[other] == VoxelVerdict::kDynamic;
-      });
       surrounded[id] =
-          around >= kMinAround && dynamic > parameters.surrounded_share * around &&
+          verdicts[id] == VoxelVerdict::kStatic && scene.was_hit(id) && near_change.AnyNear(scene.index(id)) &&
+          is_surrounded(id) &&
           !(surroundings != nullptr && IsDoubtful(surroundings->Around(scene.index(id)), scene.hits(id), parameters));
     });
     changed.clear();
@@ -296,15 +337,20 @@ void JudgeDriveOffs(const Scene& scene, const SessionVoxels& voxels, const Voxel
   }
 }
 
+// Whether what stands on a ground voxel is dynamic. With small voxels the ground is several of them high.
+bool IsUnderDynamic(const Scene& scene, const std::vector<VoxelVerdict>& verdicts, uint32_t id) {
+  uint32_t above = scene.Above(id);
+  while (above != kNoVoxel && verdicts[above] == VoxelVerdict::kGround) above = scene.Above(above);
+  return above != kNoVoxel && verdicts[above] == VoxelVerdict::kDynamic;
+}
+
 // Feet and wheels: under something dynamic, or where the ground voxel itself was looked through, points go by their
 // height above the ground.
 void VerifyAnkles(const Scene& scene, const DorParameters& parameters, const std::vector<float>& heights,
                   Verdict& verdict) {
   for (uint32_t id = 0; id < scene.size(); ++id) {
     if (verdict.voxels[id] != VoxelVerdict::kGround) continue;
-    const uint32_t above = scene.Above(id);
-    const bool under_dynamic = above != kNoVoxel && verdict.voxels[above] == VoxelVerdict::kDynamic;
-    if (!under_dynamic && scene.R(id) >= parameters.stability_threshold) continue;
+    if (!IsUnderDynamic(scene, verdict.voxels, id) && scene.R(id) >= parameters.stability_threshold) continue;
     // A voxel that holds nothing but the foot has its mean height up in the foot.
     const double ground = std::min<double>(heights[id], scene.Centroid(id).z());
     verdict.ankle_heights[id] = ground + parameters.ankle_tolerance;
@@ -361,10 +407,10 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
                          [&](uint32_t id) { return scene.was_hit(id) && verdict.voxels[id] != VoxelVerdict::kGround; });
     Doubt(scene, *surroundings, parameters, verdict.voxels);
   }
-  if (parameters.departures) JudgeDepartures(voxels, counts, parameters, verdict.voxels);
+  if (parameters.departures) JudgeDepartures(scene, voxels, counts, poses, parameters, verdict.voxels);
   if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
   if (parameters.surround) {
-    JudgeSurrounded(scene, surroundings ? &*surroundings : nullptr, parameters, verdict.voxels);
+    JudgeSurrounded(scene, voxels, counts, surroundings ? &*surroundings : nullptr, parameters, verdict.voxels);
   }
   if (parameters.drive_offs) JudgeDriveOffs(scene, voxels, counts, parameters, verdict.voxels);
   if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);

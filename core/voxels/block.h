@@ -16,6 +16,7 @@ struct Voxel {
   uint16_t exposures = 0;  ///< E, likewise
   bool ground = false;
   bool is_static = false;           ///< the map filter's verdict: exports, tiles and registration use it
+  bool is_new = false;              ///< not static yet: one session alone met it, where others had seen nothing
   std::array<uint8_t, 3> mean{};    ///< mean point inside the voxel, 1/256 of its edge an axis (see MeanOf)
   std::array<uint8_t, 2> normal{};  ///< octahedral, oriented towards the trajectory (see core/voxels/normal.h)
   uint8_t intensity = 0;            ///< mean, 255 is 1.0

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -103,22 +104,25 @@ class VoxelGrid {
   /// Calls visit(id, dx, dy, dz) for the voxels at most `reach` away from `at` an axis, itself included, x fastest.
   template <typename Visit>
   void ForEachWithin(int reach, const VoxelIndex& at, const Visit& visit) const {
-    VoxelIndex brick_at;
-    int32_t brick = kNoBrick;
-    bool known = false;
+    Neighbourhood neighbours(*this, at);
     for (int dz = -reach; dz <= reach; ++dz) {
       for (int dy = -reach; dy <= reach; ++dy) {
-        for (int dx = -reach; dx <= reach; ++dx) {
-          const VoxelIndex voxel{at.x + dx, at.y + dy, at.z + dz};
-          const VoxelIndex in{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
-          if (!known || in != brick_at) {
-            brick = FindBrick(in.x, in.y, in.z);
-            brick_at = in;
-            known = true;
-          }
-          const uint32_t id = brick == kNoBrick ? kNoVoxel : FindInBrick(brick, voxel);
-          if (id != kNoVoxel) visit(id, dx, dy, dz);
-        }
+        for (int dx = -reach; dx <= reach; ++dx) neighbours.Visit(dx, dy, dz, visit);
+      }
+    }
+  }
+
+  /// The same for those at most `radius` voxel edges away.
+  template <typename Visit>
+  void ForEachInBall(double radius, const VoxelIndex& at, const Visit& visit) const {
+    Neighbourhood neighbours(*this, at);
+    const auto reach = static_cast<int>(radius);
+    for (int dz = -reach; dz <= reach; ++dz) {
+      for (int dy = -reach; dy <= reach; ++dy) {
+        const double rest = radius * radius - dy * dy - dz * dz;
+        if (rest < 0) continue;
+        const auto half = static_cast<int>(std::sqrt(rest));
+        for (int dx = -half; dx <= half; ++dx) neighbours.Visit(dx, dy, dz, visit);
       }
     }
   }
@@ -146,6 +150,32 @@ class VoxelGrid {
   struct Ranks {
     uint32_t first = 0;                         // id of the brick's first voxel
     std::array<uint16_t, kBrickSize> before{};  // voxels in the layers below
+  };
+
+  // Voxels around one, looked up with one look a brick as long as the next lies in the same.
+  class Neighbourhood {
+   public:
+    Neighbourhood(const VoxelGrid& grid, const VoxelIndex& at) : grid_(grid), at_(at) {}
+
+    template <typename Visitor>
+    void Visit(int dx, int dy, int dz, const Visitor& visit) {
+      const VoxelIndex voxel{at_.x + dx, at_.y + dy, at_.z + dz};
+      const VoxelIndex in{voxel.x >> kBrickBits, voxel.y >> kBrickBits, voxel.z >> kBrickBits};
+      if (!known_ || in != brick_at_) {
+        brick_ = grid_.FindBrick(in.x, in.y, in.z);
+        brick_at_ = in;
+        known_ = true;
+      }
+      const uint32_t id = brick_ == kNoBrick ? kNoVoxel : grid_.FindInBrick(brick_, voxel);
+      if (id != kNoVoxel) visit(id, dx, dy, dz);
+    }
+
+   private:
+    const VoxelGrid& grid_;
+    const VoxelIndex at_;
+    VoxelIndex brick_at_;
+    int32_t brick_ = kNoBrick;
+    bool known_ = false;
   };
 
   static int ChildOf(int32_t x, int32_t y, int32_t z) {

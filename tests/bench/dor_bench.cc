@@ -173,6 +173,8 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("setting_out", &DorParameters::setting_out);
   vary("decided_scans", &DorParameters::decided_scans);
   vary("surrounded_share", &DorParameters::surrounded_share);
+  vary("surrounded_time", &DorParameters::surrounded_time);
+  vary("surround_reach", &DorParameters::surround_reach);
   vary("ankle_tolerance", &DorParameters::ankle_tolerance);
   const auto without = [&](const char* name, bool DorParameters::*field) {
     DorParameters changed = defaults;

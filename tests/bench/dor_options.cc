@@ -35,6 +35,9 @@ void AddDorOptions(CLI::App& app, DorParameters& p) {
   app.add_option("--surround", p.surround);
   app.add_option("--inherit", p.inherit);
   app.add_option("--decided", p.decided_scans);
+  app.add_option("--surrounded-share", p.surrounded_share);
+  app.add_option("--surrounded-time", p.surrounded_time);
+  app.add_option("--surround-reach", p.surround_reach);
   app.add_option("--restore", p.restore);
 }
 

@@ -106,12 +106,66 @@ struct Counted {
       counts.free_from[id] = free_from;
       counts.confirmed[id] = counts.confirmed_late[id] = late > 10 ? 2 : 0;
     }
-    return FindDepartures(grid, counts, std::vector<char>(grid.size(), 1), {});
+    std::vector<VoxelIndex> indices(grid.size());
+    std::vector<char> candidates(grid.size(), 1), is_dynamic(grid.size());
+    for (const VoxelIndex& voxel : voxels) indices[grid.Find(voxel)] = voxel;
+    for (const auto& [voxel, first] : moving_) {
+      const uint32_t id = grid.Find(voxel);
+      indices[id] = voxel;
+      candidates[id] = 0;
+      is_dynamic[id] = 1;
+      counts.hits[id] = 1;
+      counts.first_hit[id] = counts.last_hit[id] = first;
+    }
+    return FindDepartures(grid, counts,
+                          {.indices = indices,
+                           .candidates = candidates,
+                           .is_dynamic = is_dynamic,
+                           .is_grazed = [this](uint32_t, uint32_t) { return grazed; }},
+                          {});
   }
+
+  // Something that moved up from `corner`, and was seen in one scan alone.
+  void AddMoving(VoxelIndex corner, uint32_t scan) {
+    for (int z = 0; z < 6; ++z) {
+      moving_.emplace_back(VoxelIndex{corner.x, corner.y, corner.z + z}, scan);
+      grid.Insert(moving_.back().first);
+    }
+  }
+
+  bool grazed = false;  // whether rays passed along all surfaces when they were first looked through
 
  private:
   std::vector<std::array<uint32_t, 3>> hit_;
+  std::vector<std::pair<VoxelIndex, uint32_t>> moving_;
 };
+
+size_t CountOf(const std::vector<char>& departed) { return static_cast<size_t>(std::ranges::count(departed, 1)); }
+
+TEST(Departures, ACarThatHidesThePlaceThatItLeavesGoesIfSomethingSetsOutBesideIt) {
+  const auto departed = [](uint32_t sets_out) {
+    Counted scene;
+    scene.AddLayer({0, 0, 0}, 0, 8, 60, 5, 62);  // hit in every scan, then looked through a few times, never as a void
+    scene.AddMoving({-2, 4, 0}, sets_out);
+    return CountOf(scene.Departures());
+  };
+  EXPECT_EQ(departed(61), 48U);
+  EXPECT_EQ(departed(20), 0U) << "something that passed long before is no reason";
+  EXPECT_EQ(departed(90), 0U) << "nor long after";
+}
+
+TEST(Departures, AFaceThatRaysPassAlongStays) {
+  // As often as a robot that drives past the rear of a parked car sees along it.
+  const auto departed = [](bool grazed) {
+    Counted scene;
+    scene.AddLayer({0, 0, 0}, 0, 8, 60, 8, 62);
+    scene.AddLayer({10, 2, 0}, 0, 1, 60, 12, 62);  // something else leaves, out of its reach, and is a confirmed void
+    scene.grazed = grazed;
+    return CountOf(scene.Departures());
+  };
+  EXPECT_GE(departed(false), 48U);
+  EXPECT_EQ(departed(true), 6U) << "the other thing alone";
+}
 
 TEST(Departures, ACarWhoseFrontIsOutOfSightLongBeforeItLeavesGoesWithItsSideThatIsHardlyLookedThrough) {
   Counted scene;

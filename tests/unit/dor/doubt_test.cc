@@ -3,67 +3,17 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/dor/exposure.h"
-#include "core/dor/sub_voxels.h"
 #include "core/dor/surroundings.h"
-#include "core/dor/verdict.h"
+#include "tests/unit/dor/counted_scene.h"
 #include "tests/unit/dor/scenes.h"
 
 namespace mapkeep {
 namespace {
 
-// What the scans of a session said about a voxel.
-struct Said {
-  uint32_t hits = 0, exposures = 0, returns = 0, confirmed = 0;
-};
-
-// Evidence voxel by voxel, as if a session had given it. Voxels are 0.2 m.
-struct Counted {
-  SessionVoxels voxels;
-  VoxelCounts counts{.ordered = true};
-
-  void AddCube(const VoxelIndex& corner, int edge, const std::function<Said(int at)>& said) {
-    for (int i = 0; i < edge * edge * edge; ++i) {
-      at_.push_back({corner.x + i % edge, corner.y + i / edge % edge, corner.z + i / (edge * edge)});
-      voxels.grid.Insert(at_.back());
-      said_.push_back(said(i));
-    }
-  }
-
-  void Finish() {
-    voxels.grid.Finish();
-    voxels.masks.assign(voxels.grid.size(), kFullMask);
-    for (auto* column : {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late,
-                         &counts.first_hit, &counts.last_hit, &counts.free_until, &counts.free_from,
-                         &counts.confirmed_early, &counts.confirmed_late, &counts.returns}) {
-      column->resize(voxels.grid.size());
-    }
-    for (size_t i = 0; i < at_.size(); ++i) {
-      const uint32_t id = voxels.grid.Find(at_[i]);
-      counts.hits[id] = said_[i].hits;
-      counts.exposures[id] = said_[i].exposures;
-      counts.returns[id] = said_[i].returns;
-      counts.confirmed[id] = said_[i].confirmed;
-    }
-  }
-
-  // Share of the voxels that are removed.
-  double Removed(const DorParameters& parameters = {}) const {
-    const std::vector<Pose> poses = {At(0, 0, 0)};
-    const Verdict verdict = Judge(voxels, counts, poses, parameters);
-    const auto removed = std::ranges::count(verdict.voxels, VoxelVerdict::kDynamic);
-    return static_cast<double>(removed) / static_cast<double>(verdict.voxels.size());
-  }
-
- private:
-  std::vector<VoxelIndex> at_;
-  std::vector<Said> said_;
-};
-
 // A crown of leaves: every voxel was hit five times, looked through fifteen times, by turns; a few edges were clear
 // once.
-Counted Leaves() {
-  Counted scene;
+CountedScene Leaves() {
+  CountedScene scene;
   scene.AddCube({10, 10, 20}, 6, [](int at) {
     return Said{.hits = 5, .exposures = 15, .returns = 4, .confirmed = at % 20 == 0 ? 1U : 0U};
   });
@@ -83,7 +33,7 @@ TEST(Doubt, LeavesThatAreHitAndLookedThroughByTurnsStay) {
 }
 
 TEST(Doubt, WhatWasThereOnceAndThenLookedThroughGoes) {
-  Counted scene;
+  CountedScene scene;
   scene.AddCube({10, 10, 20}, 6, [](int at) {
     return Said{.hits = 1, .exposures = 15, .returns = 0, .confirmed = at % 2 == 0 ? 8U : 0U};
   });
@@ -92,7 +42,7 @@ TEST(Doubt, WhatWasThereOnceAndThenLookedThroughGoes) {
 }
 
 TEST(Doubt, ALaneInWhichCarFollowsCarIsClearBetweenThemAndGoes) {
-  Counted scene;
+  CountedScene scene;
   scene.AddCube({10, 10, 20}, 6, [](int) { return Said{.hits = 8, .exposures = 40, .returns = 4, .confirmed = 30}; });
   scene.Finish();
   EXPECT_EQ(scene.Removed(), 1);
@@ -101,7 +51,7 @@ TEST(Doubt, ALaneInWhichCarFollowsCarIsClearBetweenThemAndGoes) {
 TEST(Doubt, WhatIsHitMostOfTheTimeSpeaksForTheEdgeBesideIt) {
   // A wall, and voxels at its edge that are seen past more often than hit.
   const auto edge = [](bool with_wall) {
-    Counted scene;
+    CountedScene scene;
     scene.AddCube({10, 10, 20}, 2, [](int) { return Said{.hits = 3, .exposures = 9, .returns = 1, .confirmed = 1}; });
     if (with_wall) scene.AddCube({6, 10, 18}, 4, [](int) { return Said{.hits = 40}; });
     scene.Finish();
@@ -112,7 +62,7 @@ TEST(Doubt, WhatIsHitMostOfTheTimeSpeaksForTheEdgeBesideIt) {
 }
 
 TEST(Doubt, WithoutTheOrderOfTheScansReturnsSayNothing) {
-  Counted scene = Leaves();
+  CountedScene scene = Leaves();
   scene.counts.ordered = false;
   const std::vector<VoxelIndex> all = {{12, 12, 22}};
   const auto every = [](uint32_t) { return true; };
@@ -121,7 +71,7 @@ TEST(Doubt, WithoutTheOrderOfTheScansReturnsSayNothing) {
 
 TEST(Doubt, SurroundingsReachTwoCellsOfTheSameSizeForAnyVoxel) {
   // Voxels of 0.1 m: cells of two, so that 4 voxels to the low side belong to the cells around, and 5 at the high one.
-  Counted scene;
+  CountedScene scene;
   for (int x = -12; x < 12; ++x) scene.AddCube({x, 0, 0}, 1, [](int) { return Said{.hits = 1, .exposures = 3}; });
   scene.Finish();
   const auto every = [](uint32_t) { return true; };
