@@ -432,6 +432,11 @@ std::vector<Setting> MakeSettings() {
               "Voxels among dynamic ones that were looked through at all are dynamic"),
       Number("clean.surrounded_share", MAPKEEP_FIELD(stages.clean.surrounded_share), 0, 1,
              "Share of the voxels around, without ground, that must be dynamic"),
+      Number(
+          "clean.surrounded_time", MAPKEEP_FIELD(stages.clean.surrounded_time), 0, 1,
+          "Share of the time in which anything around was hit; among dynamic voxels, what was hit for less is dynamic"),
+      Number("clean.surround_reach", MAPKEEP_FIELD(stages.clean.surround_reach), 0, 2,
+             "Metres around, 2.3 voxels at least, in which these times are compared"),
       Boolean("clean.verify_ankles", MAPKEEP_FIELD(stages.clean.verify_ankles),
               "Look for feet and wheels in ground voxels under dynamic ones"),
       Number("clean.ankle_tolerance", MAPKEEP_FIELD(stages.clean.ankle_tolerance), 0, 10,
