@@ -89,6 +89,15 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
   std::map<uint32_t, const SceneObject*> objects;
   for (const SceneObject& object : session.objects) objects[object.id & 0xffff] = &object;
 
+  // What stood there on earlier days and drives off today is a change of today, not something that always moved.
+  std::map<uint32_t, Eigen::AlignedBox3d> leaving;
+  for (const SceneObject& object : session.objects) {
+    const Pose& pose = object.track.front().pose;
+    if (!CanLeave(object) || object.state != ObjectState::kMoving || !known_.contains(PlaceOf(object.id, pose)))
+      continue;
+    leaving.emplace(object.id & 0xffff, BoxOf(session, object, pose));
+  }
+
   // Today's points, thinned to a cell and an object.
   absl::flat_hash_set<uint64_t> taken, moving_taken;
   absl::flat_hash_map<uint32_t, std::pair<std::vector<Eigen::Vector3f>, absl::flat_hash_set<uint64_t>>> of_object;
@@ -99,6 +108,11 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       const uint64_t cell = PointCells::CellOf(point);
       if (k % kBeamStep == 0) beams_.push_back({session.truth[i].translation().cast<float>(), point.cast<float>()});
       if (ClassOfLabel(label) == kMovingLabel) {
+        const auto left = leaving.find(id);
+        if (left != leaving.end() && left->second.contains(point)) {
+          stands_.Add(point);
+          continue;
+        }
         if (moving_taken.insert(cell).second) moving_points_.push_back({point.cast<float>(), id});
         continue;
       }

@@ -53,8 +53,10 @@ struct PointScore {
 
 /// A map's static points against one day's truth.
 struct DayScore {
-  PointScore statics;                  ///< SA: what stands, and has stood for two sessions, is in the map
-  PointScore dynamics;                 ///< DA: what moved, or left two sessions ago or earlier, is not
+  PointScore statics;  ///< SA: what stands, and has stood for two sessions, is in the map
+  /// DA: what moved, or left two sessions ago or earlier, is not. What stood there on earlier days and drives off today
+  /// leaves today.
+  PointScore dynamics;
   PointScore just_left, just_arrived;  ///< of today's changes: how much of them the map follows at once
   std::map<int, PointScore> by_days;   ///< of dynamics: what left two sessions ago, by the days that it had been parked
 };
