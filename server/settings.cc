@@ -471,6 +471,10 @@ std::vector<Setting> MakeSettings() {
       Number("filter.cluster_threshold", MAPKEEP_FIELD(stages.filter.cluster_threshold), 0, 1, "tau_cluster of eq. 5"),
       Integer("filter.isolated_min_neighbours", MAPKEEP_FIELD(stages.filter.isolated_min_neighbours), 0, 26,
               "Occupied neighbours below which a voxel is isolated noise"),
+      Number(
+          "filter.probation_height", MAPKEEP_FIELD(stages.filter.probation_height), 0, 20,
+          "Metres above ground that was known before, up to which what one session alone met, and that touches nothing "
+          "known, waits for a second one; 0: nothing waits"),
   };
 }
 

@@ -43,7 +43,9 @@ Parts Columns(const std::vector<Voxel>& voxels) {
   parts.Cut();
   AppendPlanes<2>(out, count, [&](size_t i) { return voxels[i].exposures; });
   parts.Cut();
-  AppendPlanes<1>(out, count, [&](size_t i) { return (voxels[i].ground ? 1 : 0) | (voxels[i].is_static ? 2 : 0); });
+  AppendPlanes<1>(out, count, [&](size_t i) {
+    return (voxels[i].ground ? 1 : 0) | (voxels[i].is_static ? 2 : 0) | (voxels[i].is_new ? 4 : 0);
+  });
   parts.Cut();
   for (int axis = 0; axis < 3; ++axis) AppendPlanes<1>(out, count, [&](size_t i) { return voxels[i].mean[axis]; });
   parts.Cut();
@@ -71,6 +73,7 @@ std::vector<Voxel> VoxelsOf(const char* columns, size_t count) {
   columns = ReadPlanes<1>(columns, count, [&](size_t i, uint64_t flags) {
     voxels[i].ground = (flags & 1) != 0;
     voxels[i].is_static = (flags & 2) != 0;
+    voxels[i].is_new = (flags & 4) != 0;
   });
   for (int axis = 0; axis < 3; ++axis) {
     columns = ReadPlanes<1>(columns, count, [&](size_t i, uint64_t mean) { voxels[i].mean[axis] = mean; });

@@ -5,7 +5,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr uint8_t kGroundFlag = 1, kStaticFlag = 2;
+constexpr uint8_t kGroundFlag = 1, kStaticFlag = 2, kNewFlag = 4;
 constexpr uint32_t kPositions = kBlockSize * kBlockSize * kBlockSize;
 
 }  // namespace
@@ -21,7 +21,8 @@ void PutBlock(std::string* bytes, const Block& block) {
   column([](const Voxel& v) { return v.hits; });
   column([](const Voxel& v) { return v.exposures; });
   column([](const Voxel& v) {
-    return static_cast<uint8_t>((v.ground ? kGroundFlag : 0) | (v.is_static ? kStaticFlag : 0));
+    return static_cast<uint8_t>((v.ground ? kGroundFlag : 0) | (v.is_static ? kStaticFlag : 0) |
+                                (v.is_new ? kNewFlag : 0));
   });
   column([](const Voxel& v) { return v.mean; });
   column([](const Voxel& v) { return v.normal; });
@@ -54,9 +55,10 @@ absl::StatusOr<Block> TakeBlock(ByteCursor* bytes) {
   bool flags_known = true;
   column([&](Voxel& v) {
     const auto flags = bytes->Take<uint8_t>();
-    flags_known = flags_known && flags <= (kGroundFlag | kStaticFlag);
+    flags_known = flags_known && flags <= (kGroundFlag | kStaticFlag | kNewFlag);
     v.ground = (flags & kGroundFlag) != 0;
     v.is_static = (flags & kStaticFlag) != 0;
+    v.is_new = (flags & kNewFlag) != 0;
   });
   column([&](Voxel& v) { v.mean = bytes->Take<std::array<uint8_t, 3>>(); });
   column([&](Voxel& v) { v.normal = bytes->Take<std::array<uint8_t, 2>>(); });

@@ -23,7 +23,7 @@ namespace mapkeep {
 //     chunk   := 'B', u32 blocks, u32 raw bytes, u32 stored bytes, u32 crc, u8 stored[stored bytes]    stored by zstd
 //     raw     := block*
 //     block   := i32 x, i32 y, i32 z, u32 voxels, then one column after the other, an entry a voxel:
-//                u16 position, u16 hits, u16 exposures, u8 flags (1 ground, 2 static), u8 mean[3], u8 normal[2],
+//                u16 position, u16 hits, u16 exposures, u8 flags (1 ground, 2 static, 4 new), u8 mean[3], u8 normal[2],
 //                u8 intensity, u64 mask, u32 first_seen, u32 last_seen
 //     end     := 'E', u64 blocks, u64 voxels, u32 crc
 //

@@ -58,11 +58,12 @@ nlohmann::json JsonOf(const MapInfo& map) {
 }
 
 nlohmann::json JsonOf(const VoxelInfo& voxel) {
-  return {
-      {"epoch", voxel.epoch},           {"hits", voxel.hits},           {"exposures", voxel.exposures},
-      {"stability", voxel.stability},   {"ground", voxel.ground},       {"is_static", voxel.is_static},
-      {"first_seen", voxel.first_seen}, {"last_seen", voxel.last_seen}, {"mean", JsonOf(Eigen::Vector3d(voxel.mean))},
-      {"intensity", voxel.intensity}};
+  return {{"epoch", voxel.epoch},         {"hits", voxel.hits},
+          {"exposures", voxel.exposures}, {"stability", voxel.stability},
+          {"ground", voxel.ground},       {"is_static", voxel.is_static},
+          {"is_new", voxel.is_new},       {"first_seen", voxel.first_seen},
+          {"last_seen", voxel.last_seen}, {"mean", JsonOf(Eigen::Vector3d(voxel.mean))},
+          {"intensity", voxel.intensity}};
 }
 
 nlohmann::json JsonOf(const SessionInfo& session) {

@@ -31,7 +31,9 @@ ExitCode Query(const GlobalOptions& options, const QueryArguments& arguments) {
                {"E", absl::StrFormat("%.3f scans", voxel->exposures)},
                {"R", absl::StrFormat("%.4f", voxel->stability)},
                {"ground", voxel->ground ? "yes" : "no"},
-               {"static", voxel->is_static ? "yes" : "no"},
+               {"static", voxel->is_static ? "yes"
+                          : voxel->is_new  ? "if a second session meets it"
+                                           : "no"},
                {"first seen", FormatTime(voxel->first_seen)},
                {"last seen", FormatTime(voxel->last_seen)},
                {"mean", absl::StrFormat("%.3f %.3f %.3f", voxel->mean.x(), voxel->mean.y(), voxel->mean.z())},

@@ -88,6 +88,7 @@ struct VoxelInfo {
   double stability = 0;            ///< R of eq. 4
   bool ground = false;
   bool is_static = false;
+  bool is_new = false;                             ///< static if a second session meets it
   double first_seen = 0, last_seen = 0;            ///< starts of sessions, seconds since 1970 (UTC)
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();  ///< metres relative to the origin
   double intensity = 0;                            ///< [0, 1]

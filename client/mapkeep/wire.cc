@@ -111,6 +111,7 @@ VoxelInfo FromWire(const v1::QueryVoxelResponse& voxel) {
           .stability = voxel.stability(),
           .ground = voxel.ground(),
           .is_static = voxel.is_static(),
+          .is_new = voxel.is_new(),
           .first_seen = voxel.first_seen(),
           .last_seen = voxel.last_seen(),
           .mean = FromWire(voxel.mean()),
@@ -189,6 +190,7 @@ absl::StatusOr<Block> FromWire(const v1::VoxelBlock& wire) {
          .exposures = static_cast<uint16_t>(wire.exposures(row)),
          .ground = (byte(wire.flags(), i) & 1) != 0,
          .is_static = (byte(wire.flags(), i) & 2) != 0,
+         .is_new = (byte(wire.flags(), i) & 4) != 0,
          .mean = {byte(wire.means(), 3 * i), byte(wire.means(), 3 * i + 1), byte(wire.means(), 3 * i + 2)},
          .normal = {byte(wire.normals(), 2 * i), byte(wire.normals(), 2 * i + 1)},
          .intensity = byte(wire.intensities(), i),
@@ -253,7 +255,8 @@ v1::VoxelBlock ToWire(const Block& block) {
     wire.add_positions(voxel.position);
     wire.add_hits(voxel.hits);
     wire.add_exposures(voxel.exposures);
-    wire.mutable_flags()->push_back(static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0)));
+    wire.mutable_flags()->push_back(
+        static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0) | (voxel.is_new ? 4 : 0)));
     wire.mutable_means()->append(voxel.mean.begin(), voxel.mean.end());
     wire.mutable_normals()->append(voxel.normal.begin(), voxel.normal.end());
     wire.mutable_intensities()->push_back(static_cast<char>(voxel.intensity));

@@ -3,9 +3,9 @@
 namespace mapkeep {
 namespace {
 
-const Voxel* StaticAt(const Block* block, uint16_t position) {
+const Voxel* StandingAt(const Block* block, uint16_t position) {
   const Voxel* voxel = block == nullptr ? nullptr : FindVoxel(*block, position);
-  return voxel != nullptr && voxel->is_static ? voxel : nullptr;
+  return voxel != nullptr && Stands(*voxel) ? voxel : nullptr;
 }
 
 double StabilityOf(const Voxel& voxel, const ChangeParameters& parameters) {
@@ -24,8 +24,8 @@ BlockChange CompareBlocks(BlockKey key, const Block* before, const Block* after,
   BlockChange change{{key, {}}, {key, {}}, {key, {}}};
   if (after != nullptr) {
     for (const Voxel& voxel : after->voxels) {
-      if (!voxel.is_static) continue;
-      const Voxel* earlier = StaticAt(before, voxel.position);
+      if (!Stands(voxel)) continue;
+      const Voxel* earlier = StandingAt(before, voxel.position);
       if (earlier == nullptr) {
         change.appeared.voxels.push_back(voxel);
       } else if (IsUnstable(*earlier, voxel, parameters)) {
@@ -35,7 +35,7 @@ BlockChange CompareBlocks(BlockKey key, const Block* before, const Block* after,
   }
   if (before != nullptr) {
     for (const Voxel& voxel : before->voxels) {
-      if (voxel.is_static && StaticAt(after, voxel.position) == nullptr) change.disappeared.voxels.push_back(voxel);
+      if (Stands(voxel) && StandingAt(after, voxel.position) == nullptr) change.disappeared.voxels.push_back(voxel);
     }
   }
   return change;

@@ -11,11 +11,12 @@ struct ChangeParameters {
   double highest_unstable = 0.9;  ///< R in the later state above it: firm, however far it fell
 };
 
-/// What changed in one block. Voxels in order of position, as the state has them that is named.
+/// What changed in one block. Voxels in order of position, as the state has them that is named. What is new stands like
+/// what is static: a change is told at once.
 struct BlockChange {
-  Block appeared;     ///< static after, and absent or not static before; as after
+  Block appeared;     ///< stands after, and did not before; as after
   Block disappeared;  ///< the other way round; as before
-  Block unstable;     ///< static in both, not ground, and sessions in between contradicted it: R fell; as after
+  Block unstable;     ///< stands in both, not ground, and sessions in between contradicted it: R fell; as after
 
   bool empty() const { return appeared.voxels.empty() && disappeared.voxels.empty() && unstable.voxels.empty(); }
 };

@@ -10,8 +10,7 @@ namespace mapkeep {
 namespace {
 
 constexpr double kEnoughHits = 8;  // a few voxels that were hit often say nothing about the others
-
-constexpr int kEnoughKnown = 10;  // voxels of a side
+constexpr int kEnoughKnown = 10;   // voxels of a side
 
 /// One changed voxel on its way into an object.
 struct Member {
@@ -161,7 +160,7 @@ class Finder {
     return object.hits >= parameters_.least_hits_there && KnownSidesOf(object) >= parameters_.least_known_sides;
   }
 
-  /// On how many of the four sides of its box the earlier state had static structure that still stands.
+  /// On how many of the four sides of its box the earlier state had structure that still stands.
   int KnownSidesOf(const ChangedObject& object) const {
     const Eigen::Vector3d around = Eigen::Vector3d(parameters_.known_around, parameters_.known_around, 0) / voxel_size_;
     const Eigen::Vector3d low = object.box.min() / voxel_size_ - around, high = object.box.max() / voxel_size_ + around;
@@ -170,7 +169,7 @@ class Finder {
     for (auto z = static_cast<int>(low.z()); z < high.z(); ++z) {
       for (auto y = static_cast<int>(low.y()); y < high.y(); ++y) {
         for (auto x = static_cast<int>(low.x()); x < high.x(); ++x) {
-          if (!InRange({x, y, z}) || !IsStaticInBoth({x, y, z})) continue;
+          if (!StaysAt({x, y, z})) continue;
           const double east = (x - middle.x()) / half.x(), north = (y - middle.y()) / half.y();
           const size_t side = std::abs(east) > std::abs(north) ? (east > 0 ? 0 : 1) : (north > 0 ? 2 : 3);
           ++known[side];
@@ -180,22 +179,19 @@ class Finder {
     return static_cast<int>(std::ranges::count_if(known, [](int voxels) { return voxels >= kEnoughKnown; }));
   }
 
-  bool IsStaticInBoth(const VoxelIndex& at) const {
-    const Voxel* then = Find(before_, at);
-    if (then == nullptr || !then->is_static) return false;
-    const Voxel* now = Find(after_, at);
-    return now != nullptr && now->is_static;
+  /// Whether something stands there in both states.
+  bool StaysAt(const VoxelIndex& at) const {
+    const Voxel *then = Find(before_, at), *now = Find(after_, at);
+    return then != nullptr && now != nullptr && Stands(*then) && Stands(*now);
   }
 
-  /// Whether a neighbour is static structure, other than ground, in both states and itself unchanged.
+  bool IsGroundAt(const VoxelIndex& at) const { return Find(before_, at)->ground || Find(after_, at)->ground; }
+
+  /// Whether a neighbour is structure, other than ground, that stands in both states and is itself unchanged.
   bool TouchesWhatStays(const VoxelIndex& voxel) const {
     bool touches = false;
     ForEachAround(voxel, 1, [&](const VoxelIndex& at) {
-      if (touches || by_key_.contains(VoxelKeyOf(at))) return;
-      const Voxel* then = Find(before_, at);
-      if (then == nullptr || !then->is_static || then->ground) return;
-      const Voxel* now = Find(after_, at);
-      touches = now != nullptr && now->is_static && !now->ground;
+      touches = touches || (!by_key_.contains(VoxelKeyOf(at)) && StaysAt(at) && !IsGroundAt(at));
     });
     return touches;
   }

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -108,23 +111,88 @@ std::vector<bool> DynamicCandidates(const BlockNeighbourhood& blocks, const MapF
   return dynamic;
 }
 
+// Where earlier sessions had met something: what of the ground, and what of all that stands on it.
+class Known {
+ public:
+  Known(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters)
+      : depth_(std::min(static_cast<int>(std::ceil(parameters.probation_height / parameters.voxel_size)), kBlockSize)),
+        ground_(static_cast<size_t>(kBlockSize) * kBlockSize * (kBlockSize + depth_), kNever),
+        standing_(static_cast<size_t>(kEdge) * kEdge * kEdge, kNever) {
+    ForEachWithin(blocks, std::max(1, depth_), [&](const Voxel& voxel, const VoxelIndex& at, bool) {
+      if (voxel.ground) {
+        if (IsIn(at.x, 0) && IsIn(at.y, 0) && at.z < kBlockSize && voxel.hits >= kFirmHits) {
+          ground_[GroundSlot(at.x, at.y, at.z)] = voxel.first_seen;
+        }
+      } else if (IsIn(at.x, 1) && IsIn(at.y, 1) && IsIn(at.z, 1) &&
+                 StabilityOf(voxel, parameters) >= parameters.stability_threshold) {
+        standing_[StandingSlot(at)] = voxel.first_seen;
+      }
+    });
+  }
+
+  // Whether the ground below was known before `time`: whoever met it looked over it.
+  bool HasGroundBelow(const VoxelIndex& voxel, uint32_t time) const {
+    for (int z = voxel.z - 1; z >= voxel.z - depth_; --z) {
+      if (ground_[GroundSlot(voxel.x, voxel.y, z)] < time) return true;
+    }
+    return false;
+  }
+
+  // Whether a neighbour was known before `time`: then the voxel is more of that.
+  bool HasNeighbour(const VoxelIndex& voxel, uint32_t time) const {
+    for (int z = voxel.z - 1; z <= voxel.z + 1; ++z) {
+      for (int y = voxel.y - 1; y <= voxel.y + 1; ++y) {
+        for (int x = voxel.x - 1; x <= voxel.x + 1; ++x) {
+          if (standing_[StandingSlot({x, y, z})] < time) return true;
+        }
+      }
+    }
+    return false;
+  }
+
+ private:
+  static constexpr int kEdge = kBlockSize + 2;
+  static constexpr uint32_t kNever = std::numeric_limits<uint32_t>::max();
+  static constexpr uint16_t kFirmHits = 3 * kCountScale;
+
+  static bool IsIn(int32_t c, int margin) { return c >= -margin && c < kBlockSize + margin; }
+  size_t GroundSlot(int x, int y, int z) const {
+    return (static_cast<size_t>(z + depth_) * kBlockSize + static_cast<size_t>(y)) * kBlockSize +
+           static_cast<size_t>(x);
+  }
+  static size_t StandingSlot(const VoxelIndex& at) {
+    return (static_cast<size_t>(at.z + 1) * kEdge + static_cast<size_t>(at.y + 1)) * kEdge +
+           static_cast<size_t>(at.x + 1);
+  }
+
+  const int depth_;
+  std::vector<uint32_t> ground_, standing_;  // when it was first met
+};
+
+// Whether a voxel has to wait for a second session. Ground is where it is.
+bool MayBeNew(const Voxel& voxel) { return !voxel.ground && voxel.first_seen == voxel.last_seen; }
+
 }  // namespace
 
-std::vector<bool> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
-  // The ground is neither a candidate nor isolated noise.
-  const bool all_ground = std::ranges::all_of(blocks[kCentre]->voxels, &Voxel::ground);
-  if (all_ground) return std::vector<bool>(blocks[kCentre]->voxels.size(), true);
+std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
+  const std::vector<Voxel>& voxels = blocks[kCentre]->voxels;
+  // The ground is neither a candidate nor isolated noise, nor new.
+  if (std::ranges::all_of(voxels, &Voxel::ground)) return std::vector<MapVerdict>(voxels.size(), MapVerdict::kStatic);
   const std::vector<bool> dynamic = DynamicCandidates(blocks, parameters);
   const Occupancy occupancy(blocks);
-  std::vector<bool> is_static;
-  is_static.reserve(blocks[kCentre]->voxels.size());
+  std::optional<Known> known;
+  if (parameters.probation_height > 0 && std::ranges::any_of(voxels, MayBeNew)) known.emplace(blocks, parameters);
+  std::vector<MapVerdict> verdicts;
+  verdicts.reserve(voxels.size());
   size_t next_candidate = 0;
   ForEachWithin(blocks, 0, [&](const Voxel& voxel, const VoxelIndex& at, bool) {
     const bool gone = IsCandidate(voxel, parameters) && dynamic[next_candidate++];
     const bool isolated = !voxel.ground && occupancy.NeighboursOf(at) < parameters.isolated_min_neighbours;
-    is_static.push_back(!gone && !isolated);
+    const bool waits = known.has_value() && MayBeNew(voxel) && known->HasGroundBelow(at, voxel.first_seen) &&
+                       !known->HasNeighbour(at, voxel.first_seen);
+    verdicts.push_back(gone || isolated ? MapVerdict::kGone : waits ? MapVerdict::kNew : MapVerdict::kStatic);
   });
-  return is_static;
+  return verdicts;
 }
 
 }  // namespace mapkeep

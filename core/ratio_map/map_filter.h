@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "core/voxels/block.h"
@@ -17,14 +18,24 @@ struct MapFilterParameters {
   int cluster_min_neighbours = 5;     ///< N_min of DBSCAN
   double cluster_threshold = 0.3;     ///< tau_cluster of eq. 5: a cluster whose mean R is below it is not static
   int isolated_min_neighbours = 1;    ///< occupied 26-neighbours below which a voxel is isolated noise
+  /// What one session alone has hit, at most this high above ground that was known before, and that touches nothing
+  /// that was, waits for a second session: that place had been seen free. Metres; 0: nothing waits.
+  double probation_height = 3;
+};
+
+/// What the map filter holds a voxel to be.
+enum class MapVerdict : uint8_t {
+  kGone,  ///< it moved, it is no longer there, or it is noise
+  kNew,   ///< static, if a second session meets it
+  kStatic,
 };
 
 /// A block and its 26 neighbours in the order of NeighbourhoodOf; nullptr where the map has none. Entry 13 is present.
 using BlockNeighbourhood = std::array<const Block*, 27>;
 
-/// The static flag of every voxel of the centre block, in its order. A pure function of the 27 blocks' counts, means
-/// and ground flags (not of their static flags), so that filtering what a commit touched and its neighbours equals
+/// The verdict on every voxel of the centre block, in its order. A pure function of the 27 blocks' counts, means, times
+/// and ground flags (not of their earlier verdicts), so that filtering what a commit touched and its neighbours equals
 /// filtering the whole map.
-std::vector<bool> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters);
+std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters);
 
 }  // namespace mapkeep

@@ -27,6 +27,9 @@ struct Voxel {
   bool operator==(const Voxel&) const = default;
 };
 
+/// Whether the map filter holds a voxel to be there, however many sessions met it.
+constexpr bool Stands(const Voxel& voxel) { return voxel.is_static || voxel.is_new; }
+
 inline constexpr int kCountScale = 8;  ///< a count of one scan is stored as 8
 
 /// R of eq. 4 from counts in any common unit (eta is added in scans, so scale it likewise).

@@ -109,7 +109,7 @@ std::vector<Touch> ByBlock(std::span<const SessionVoxel> voxels) {
   return touched;
 }
 
-// The block with its static flags renewed.
+// The block with its verdicts renewed.
 Block Filtered(const BlockTable& table, const Block& block, const MapFilterParameters& parameters) {
   BlockNeighbourhood around{};
   const auto neighbours = NeighbourhoodOf(BlockIndexOf(block.key));
@@ -117,9 +117,12 @@ Block Filtered(const BlockTable& table, const Block& block, const MapFilterParam
     const VoxelIndex& n = neighbours[i];
     if (InRange({n.x * kBlockSize, n.y * kBlockSize, n.z * kBlockSize})) around[i] = table.Find(BlockKeyOf(n));
   }
-  const std::vector<bool> verdict = FilterBlock(around, parameters);
+  const std::vector<MapVerdict> verdicts = FilterBlock(around, parameters);
   Block filtered = block;
-  for (size_t i = 0; i < verdict.size(); ++i) filtered.voxels[i].is_static = verdict[i];
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    filtered.voxels[i].is_static = verdicts[i] == MapVerdict::kStatic;
+    filtered.voxels[i].is_new = verdicts[i] == MapVerdict::kNew;
+  }
   return filtered;
 }
 

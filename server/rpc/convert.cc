@@ -222,7 +222,7 @@ std::optional<v1::VoxelBlock> ToProto(const Block& block, const std::optional<Vo
     proto.add_positions(voxel.position);
     proto.add_hits(voxel.hits);
     proto.add_exposures(voxel.exposures);
-    flags.push_back(static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0)));
+    flags.push_back(static_cast<char>((voxel.ground ? 1 : 0) | (voxel.is_static ? 2 : 0) | (voxel.is_new ? 4 : 0)));
     means.append(voxel.mean.begin(), voxel.mean.end());
     normals.append(voxel.normal.begin(), voxel.normal.end());
     intensities.push_back(static_cast<char>(voxel.intensity));
@@ -279,6 +279,7 @@ absl::StatusOr<Block> FromProto(const v1::VoxelBlock& proto) {
         .exposures = static_cast<uint16_t>(proto.exposures(row)),
         .ground = (byte(proto.flags(), i) & 1) != 0,
         .is_static = (byte(proto.flags(), i) & 2) != 0,
+        .is_new = (byte(proto.flags(), i) & 4) != 0,
         .mean = {byte(proto.means(), 3 * i), byte(proto.means(), 3 * i + 1), byte(proto.means(), 3 * i + 2)},
         .normal = {byte(proto.normals(), 2 * i), byte(proto.normals(), 2 * i + 1)},
         .intensity = byte(proto.intensities(), i),

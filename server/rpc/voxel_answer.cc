@@ -27,6 +27,7 @@ absl::StatusOr<v1::QueryVoxelResponse> VoxelAt(const Snapshot& snapshot, const E
   answer.set_stability(Stability(hits, exposures, eta));
   answer.set_ground(voxel->ground);
   answer.set_is_static(voxel->is_static);
+  answer.set_is_new(voxel->is_new);
   answer.set_first_seen(SecondsSince1970(voxel->first_seen));
   answer.set_last_seen(SecondsSince1970(voxel->last_seen));
   *answer.mutable_mean() = ToProto(MeanOf(**block, *voxel, voxel_size));

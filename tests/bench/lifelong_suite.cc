@@ -421,6 +421,9 @@ int Main(int count, char** arguments) {
   app.add_option("--gamma", options.stages.merge.gamma, "Of eq. 8")->capture_default_str();
   app.add_option("--contradicting", options.stages.merge.contradicting_scans, "Scans; 0: eq. 8 alone")
       ->capture_default_str();
+  app.add_option("--probation", options.stages.filter.probation_height,
+                 "Metres above known ground in which what is new waits for a second session; 0: nowhere")
+      ->capture_default_str();
   app.add_option("--cache", options.cache, "Directory that keeps the scans");
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");
   app.add_flag("--only-decay", options.only_decay, "Eq. 8 alone");

@@ -68,7 +68,7 @@ size_t Filter(BlockMap& map, const std::set<BlockKey>& touched) {
     }
   }
   const std::vector<BlockKey> keys(affected.begin(), affected.end());
-  std::vector<std::vector<bool>> verdicts(keys.size());
+  std::vector<std::vector<MapVerdict>> verdicts(keys.size());
   tbb::parallel_for(size_t{0}, keys.size(), [&](size_t i) {
     BlockNeighbourhood blocks{};
     const auto around = NeighbourhoodOf(BlockIndexOf(keys[i]));
@@ -80,7 +80,7 @@ size_t Filter(BlockMap& map, const std::set<BlockKey>& touched) {
   });
   for (size_t i = 0; i < keys.size(); ++i) {
     Block& block = map.at(keys[i]);
-    for (size_t v = 0; v < block.voxels.size(); ++v) block.voxels[v].is_static = verdicts[i][v];
+    for (size_t v = 0; v < block.voxels.size(); ++v) block.voxels[v].is_static = verdicts[i][v] == MapVerdict::kStatic;
   }
   return keys.size();
 }
@@ -109,7 +109,8 @@ int Fail(const absl::Status& status) {
   return 1;
 }
 
-int AddSession(const KittiDirectory& directory, size_t first, size_t last, BlockMap& map) {
+// `day` is when the session began.
+int AddSession(const KittiDirectory& directory, size_t first, size_t last, uint32_t day, BlockMap& map) {
   std::vector<size_t> frames(last - first + 1);
   std::iota(frames.begin(), frames.end(), first);
   const ScanSource scans = directory.Source(frames);
@@ -120,7 +121,7 @@ int AddSession(const KittiDirectory& directory, size_t first, size_t last, Block
   const double remove = watch.Lap();
   const auto session =
       BuildSessionMap(scans, poses, [&](size_t index, const Scan& scan) { return removal->Label(index, scan); },
-                      removal->evidence(), 0, {});
+                      removal->evidence(), 1440 * day, {});
   if (!session.ok()) return Fail(session.status());
   const double build = watch.Lap();
   const auto touched = Merge(map, *session);
@@ -139,14 +140,14 @@ int Run(int count, char** arguments) {
   }
   const KittiDirectory directory(arguments[1]);
   BlockMap map;
-  if (count == 3 && AddSession(directory, 0, directory.poses.size() - 1, map) != 0) return 1;
+  if (count == 3 && AddSession(directory, 0, directory.poses.size() - 1, 0, map) != 0) return 1;
   for (int i = 3; i < count; ++i) {
     size_t first = 0, last = 0;
     if (std::sscanf(arguments[i], "%zu:%zu", &first, &last) != 2 || last < first || last >= directory.poses.size()) {
       std::fprintf(stderr, "%s: expected FIRST:LAST within 0:%zu\n", arguments[i], directory.poses.size() - 1);
       return 2;
     }
-    if (AddSession(directory, first, last, map) != 0) return 1;
+    if (AddSession(directory, first, last, static_cast<uint32_t>(i), map) != 0) return 1;
   }
   Write(map, 0.2, false, arguments[2]);
   Write(map, 0.2, true, std::string(arguments[2]) + ".all.bin");

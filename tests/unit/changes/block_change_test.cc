@@ -34,6 +34,14 @@ TEST(BlockChange, ABlockThatOneStateHasNotCounts) {
   EXPECT_TRUE(CompareBlocks(block.key, nullptr, nullptr, {}).empty());
 }
 
+TEST(BlockChange, WhatIsNewHasAppearedThoughItIsNotStaticYet) {
+  Voxel waits = VoxelAt(1, 9, 1, false);
+  waits.is_new = true;
+  EXPECT_EQ(Compare({}, {waits}).appeared.voxels, std::vector{waits});
+  EXPECT_TRUE(Compare({waits}, {VoxelAt(1, 18, 2)}).empty()) << "a second session met it: told already";
+  EXPECT_EQ(Compare({waits}, {}).disappeared.voxels, std::vector{waits});
+}
+
 TEST(BlockChange, WhatStaysStaticWhileItsRFallsIsUnstable) {
   const BlockChange change = Compare({VoxelAt(1, 10, 0), VoxelAt(2, 10, 0)}, {VoxelAt(1, 6, 4), VoxelAt(2, 9, 1)});
   EXPECT_EQ(change.unstable.voxels, (std::vector{VoxelAt(1, 6, 4)})) << "from 1 to 0.6; from 1 to 0.9 is firm";

@@ -40,6 +40,7 @@ std::vector<Block> SomeMap() {
                               .exposures = static_cast<uint16_t>(random() % 1000),
                               .ground = random() % 3 == 0,
                               .is_static = random() % 4 != 0,
+                              .is_new = random() % 8 == 0,
                               .mean = {static_cast<uint8_t>(random()), static_cast<uint8_t>(random()), 128},
                               .normal = {static_cast<uint8_t>(random()), static_cast<uint8_t>(random())},
                               .intensity = static_cast<uint8_t>(random()),

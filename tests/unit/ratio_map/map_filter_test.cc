@@ -72,9 +72,12 @@ class Map {
       if (found != blocks_.end()) blocks[i] = &found->second;
     }
     Block& block = blocks_.at(key);
-    const std::vector<bool> verdict = FilterBlock(blocks, parameters);
-    ASSERT_EQ(verdict.size(), block.voxels.size());
-    for (size_t i = 0; i < verdict.size(); ++i) block.voxels[i].is_static = verdict[i];
+    const std::vector<MapVerdict> verdicts = FilterBlock(blocks, parameters);
+    ASSERT_EQ(verdicts.size(), block.voxels.size());
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      block.voxels[i].is_static = verdicts[i] == MapVerdict::kStatic;
+      block.voxels[i].is_new = verdicts[i] == MapVerdict::kNew;
+    }
   }
 
   std::map<BlockKey, Block> blocks_;
@@ -139,6 +142,78 @@ TEST(MapFilter, AWallThatAFewRaysMissStays) {
   map.Merge(SessionOf(wall, 0, 2));
   map.FilterAll();
   EXPECT_EQ(StaticCount(map, wall), 300);
+}
+
+constexpr uint32_t kFirstDay = 1440, kSecondDay = 2880;
+
+Voxel SeenOn(uint32_t first, uint32_t last, bool ground = false) {
+  Voxel voxel = Counts(20, 0);
+  voxel.ground = ground;
+  voxel.first_seen = first;
+  voxel.last_seen = last;
+  return voxel;
+}
+
+// A road of 4 x 4 m that the first day knew, and 1 m beyond it, that it did not, with a wall behind.
+Map Road() {
+  Map map;
+  for (const VoxelIndex& at : Box({0, 0, 4}, {20, 20, 1})) map.Put(at, SeenOn(kFirstDay, kSecondDay, true));
+  for (const VoxelIndex& at : Box({0, 20, 4}, {20, 5, 1})) map.Put(at, SeenOn(kSecondDay, kSecondDay, true));
+  for (const VoxelIndex& at : Box({0, 25, 5}, {20, 1, 10})) map.Put(at, SeenOn(kFirstDay, kSecondDay));
+  return map;
+}
+
+int NewCount(const Map& map, const std::vector<VoxelIndex>& voxels) {
+  return static_cast<int>(std::ranges::count_if(voxels, [&](const VoxelIndex& at) { return map.At(at)->is_new; }));
+}
+
+TEST(MapFilter, WhatStandsWhereGroundWasKnownWaitsForASecondSession) {
+  const auto person = Box({8, 8, 5}, {2, 2, 8});
+  Map map = Road();
+  for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  map.FilterAll();
+  EXPECT_EQ(NewCount(map, person), 32);
+  EXPECT_EQ(StaticCount(map, person), 0);
+  for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay + 1440));
+  map.FilterAll();
+  EXPECT_EQ(NewCount(map, person), 0);
+  EXPECT_EQ(StaticCount(map, person), 32);
+}
+
+TEST(MapFilter, WhereNothingWasKnownWhatIsNewIsStaticAtOnce) {
+  const auto beyond = Box({8, 21, 5}, {2, 2, 8});
+  Map map = Road();
+  for (const VoxelIndex& at : beyond) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, beyond), 32);
+}
+
+TEST(MapFilter, MoreOfWhatIsKnownIsStaticAtOnce) {
+  const auto known = Box({8, 8, 5}, {1, 1, 10}), more = Box({9, 8, 5}, {1, 1, 10});
+  Map map = Road();
+  for (const VoxelIndex& at : known) map.Put(at, SeenOn(kFirstDay, kFirstDay));
+  for (const VoxelIndex& at : more) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, known), 10);
+  EXPECT_EQ(StaticCount(map, more), 10);
+}
+
+TEST(MapFilter, WhatHangsHighAboveKnownGroundIsStaticAtOnce) {
+  const auto sign = Box({8, 8, 21}, {2, 2, 4});  // 3.4 m up
+  Map map = Road();
+  for (const VoxelIndex& at : sign) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, sign), 16);
+}
+
+TEST(MapFilter, WithoutProbationNothingWaits) {
+  const auto person = Box({8, 8, 5}, {2, 2, 8});
+  Map map = Road();
+  for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  MapFilterParameters without;
+  without.probation_height = 0;
+  map.FilterAll(without);
+  EXPECT_EQ(StaticCount(map, person), 32);
 }
 
 TEST(MapFilter, GroundIsProtectedWhateverItsStability) {

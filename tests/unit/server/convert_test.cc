@@ -54,13 +54,13 @@ TEST(VoxelBlock, HoldsTheStaticVoxelsOfTheRange) {
   const Block block{.key = BlockKeyOf(VoxelIndex{-1, 0, 2}),
                     .voxels = {{.position = 0, .hits = 8, .is_static = true, .mask = 1},
                                {.position = 1, .hits = 16, .ground = true, .is_static = true, .mask = 2},
-                               {.position = 2, .hits = 24, .mask = 4}}};
+                               {.position = 2, .hits = 24, .is_new = true, .mask = 4}}};
   const auto all = ToProto(block, {}, true);
   ASSERT_TRUE(all.has_value());
   EXPECT_EQ(all->x(), -1);
   EXPECT_EQ(all->z(), 2);
   EXPECT_EQ(all->positions_size(), 3);
-  EXPECT_EQ(all->flags(), std::string("\2\3\0", 3));
+  EXPECT_EQ(all->flags(), "\2\3\4");
   EXPECT_EQ(all->means().size(), 9U);
   EXPECT_EQ(all->normals().size(), 6U);
   const auto fixed = ToProto(block, {}, false);

@@ -21,6 +21,7 @@ inline Block RandomBlock(BlockKey key, size_t voxels, std::mt19937_64& random) {
     voxel.exposures = random();
     voxel.ground = random() % 2 == 0;
     voxel.is_static = random() % 2 == 0;
+    voxel.is_new = random() % 2 == 0;
     for (uint8_t& mean : voxel.mean) mean = random();
     for (uint8_t& normal : voxel.normal) normal = random();
     voxel.intensity = random();

@@ -98,6 +98,7 @@ export interface Voxel {
   stability: number;
   ground: boolean;
   isStatic: boolean;
+  isNew: boolean;
   firstSeen: number;
   lastSeen: number;
   mean: Vec3;
@@ -224,6 +225,7 @@ export function voxelOf(value: unknown): Voxel {
     stability: number(v.stability),
     ground: v.ground === true,
     isStatic: v.isStatic === true,
+    isNew: v.isNew === true,
     firstSeen: number(v.firstSeen),
     lastSeen: number(v.lastSeen),
     mean: point(v.mean),

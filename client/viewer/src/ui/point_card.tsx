@@ -38,7 +38,7 @@ function Record({ voxel }: { voxel: Voxel }) {
         <dt>Hits H</dt><dd>{voxel.hits.toFixed(1)} scans</dd>
         <dt>Exposures E</dt><dd>{voxel.exposures.toFixed(1)} scans</dd>
         <dt>Ground</dt><dd>{voxel.ground ? 'yes' : 'no'}</dd>
-        <dt>Static</dt><dd>{voxel.isStatic ? 'yes' : 'no'}</dd>
+        <dt>Static</dt><dd>{voxel.isStatic ? 'yes' : voxel.isNew ? 'if a second session meets it' : 'no'}</dd>
         <dt>Intensity</dt><dd>{percent(voxel.intensity)}</dd>
         <dt>First seen</dt><dd>{time(voxel.firstSeen)}</dd>
         <dt>Last seen</dt><dd>{time(voxel.lastSeen)}</dd>
