@@ -30,12 +30,9 @@ enum class MapVerdict : uint8_t {
   kStatic,
 };
 
-/// A block and its 26 neighbours in the order of NeighbourhoodOf; nullptr where the map has none. Entry 13 is present.
-using BlockNeighbourhood = std::array<const Block*, 27>;
-
-/// The verdict on every voxel of the centre block, in its order. A pure function of the 27 blocks' counts, means, times
-/// and ground flags (not of their earlier verdicts), so that filtering what a commit touched and its neighbours equals
-/// filtering the whole map.
+/// The verdict on every voxel of the centre block (present), in its order. A pure function of the 27 blocks' counts,
+/// means, times and ground flags (not of their earlier verdicts), so that filtering what a commit touched and its
+/// neighbours equals filtering the whole map.
 std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters);
 
 }  // namespace mapkeep

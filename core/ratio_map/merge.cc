@@ -85,12 +85,6 @@ void MergeFields(Voxel& voxel, double weight, const SessionVoxel& session, doubl
   voxel.last_seen = std::max(voxel.last_seen, start_minutes);
 }
 
-// Whether the session looked through the voxel and found nothing there. What removal took was there.
-bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters) {
-  return parameters.contradicting_scans > 0 && session.hits == 0 && !session.was_removed &&
-         session.exposures >= static_cast<uint32_t>(parameters.contradicting_scans);
-}
-
 // The voxel after eq. 9, or nothing if it is dropped.
 std::optional<Voxel> MergeVoxel(const Voxel& old, const SessionVoxel& session, const SessionMap& of,
                                 const MergeParameters& parameters) {
@@ -123,6 +117,11 @@ std::optional<Voxel> NewVoxel(const SessionVoxel& session, const SessionMap& of)
 }
 
 }  // namespace
+
+bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters) {
+  return parameters.contradicting_scans > 0 && session.hits == 0 && !session.was_removed &&
+         session.exposures >= static_cast<uint32_t>(parameters.contradicting_scans);
+}
 
 double DecayFactor(double n_session, double n_max, const MergeParameters& parameters) {
   if (!(n_session > 0)) return parameters.alpha_max;

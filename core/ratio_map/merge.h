@@ -19,7 +19,12 @@ struct MergeParameters {
   /// reason to doubt it. 0: eq. 8 decides that, too.
   int contradicting_scans = 3;
   double contradicted_alpha = 0;
+  double contradicted_share = 0.6;    ///< of the voxels around one that says nothing, for it to be forgotten with them
+  double contradiction_reach = 0.46;  ///< metres around it, 2.3 voxels at least
 };
+
+/// Whether the session looked through the voxel and found nothing there. What removal took was there.
+bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters);
 
 /// alpha_v of eq. 8 for N_S scans of evidence; the exponential comes from a table, so that every machine agrees (it is
 /// within 4e-5 of the true one). alpha_min if n_max is 0 and n_session is not.

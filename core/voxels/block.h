@@ -43,6 +43,10 @@ struct Block {
   bool operator==(const Block&) const = default;
 };
 
+/// A block and its 26 neighbours in the order of NeighbourhoodOf; nullptr where the map has none. The block itself is
+/// entry 13.
+using BlockNeighbourhood = std::array<const Block*, 27>;
+
 /// The voxel at a position, or nullptr.
 const Voxel* FindVoxel(const Block& block, uint16_t position);
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/dor/exposure.h"
+#include "core/ratio_map/contradiction.h"
 #include "core/ratio_map/merge.h"
 #include "server/pipeline/parallel.h"
 #include "server/pipeline/stages.h"
@@ -109,15 +110,43 @@ std::vector<Touch> ByBlock(std::span<const SessionVoxel> voxels) {
   return touched;
 }
 
-// The block with its verdicts renewed.
-Block Filtered(const BlockTable& table, const Block& block, const MapFilterParameters& parameters) {
-  BlockNeighbourhood around{};
-  const auto neighbours = NeighbourhoodOf(BlockIndexOf(block.key));
+// Calls visit(i, key) for the block and its neighbours inside the range, in the order of NeighbourhoodOf.
+template <typename Visit>
+void ForEachAround(BlockKey block, const Visit& visit) {
+  const auto neighbours = NeighbourhoodOf(BlockIndexOf(block));
   for (size_t i = 0; i < neighbours.size(); ++i) {
     const VoxelIndex& n = neighbours[i];
-    if (InRange({n.x * kBlockSize, n.y * kBlockSize, n.z * kBlockSize})) around[i] = table.Find(BlockKeyOf(n));
+    if (InRange({n.x * kBlockSize, n.y * kBlockSize, n.z * kBlockSize})) visit(i, BlockKeyOf(n));
   }
-  const std::vector<MapVerdict> verdicts = FilterBlock(around, parameters);
+}
+
+BlockNeighbourhood BlocksAround(const BlockTable& table, BlockKey block) {
+  BlockNeighbourhood around{};
+  ForEachAround(block, [&](size_t i, BlockKey key) { around[i] = table.Find(key); });
+  return around;
+}
+
+// The map's block without what is forgotten with what the session contradicts around it.
+Block Remembered(const BlockTable& table, std::span<const Touch> touched, BlockKey key, double voxel_size,
+                 const MergeParameters& parameters) {
+  const Block* old = table.Find(key);
+  if (old == nullptr) return {.key = key};
+  SessionNeighbourhood session;
+  ForEachAround(key, [&](size_t i, BlockKey neighbour) {
+    const auto found = std::ranges::lower_bound(touched, neighbour, {}, &Touch::key);
+    if (found != touched.end() && found->key == neighbour) session[i] = found->voxels;
+  });
+  const std::vector<uint16_t> forgotten =
+      ForgottenWithOthers(BlocksAround(table, key), session, voxel_size, parameters);
+  Block remembered = *old;
+  std::erase_if(remembered.voxels,
+                [&](const Voxel& voxel) { return std::ranges::binary_search(forgotten, voxel.position); });
+  return remembered;
+}
+
+// The block with its verdicts renewed.
+Block Filtered(const BlockTable& table, const Block& block, const MapFilterParameters& parameters) {
+  const std::vector<MapVerdict> verdicts = FilterBlock(BlocksAround(table, block.key), parameters);
   Block filtered = block;
   for (size_t i = 0; i < verdicts.size(); ++i) {
     filtered.voxels[i].is_static = verdicts[i] == MapVerdict::kStatic;
@@ -152,9 +181,8 @@ absl::StatusOr<MergeResult> MergeIntoMap(const Snapshot& head, const MergeInput&
 
   std::vector<Block> merged(touched.size());
   const absl::Status merging = ParallelFor(touched.size(), [&](size_t i) {
-    const Block* old = before.Find(touched[i].key);
-    merged[i] =
-        MergeBlock(old != nullptr ? *old : Block{.key = touched[i].key}, touched[i].voxels, input.session, merge);
+    const Block old = Remembered(before, touched, touched[i].key, input.session.voxel_size, merge);
+    merged[i] = MergeBlock(old, touched[i].voxels, input.session, merge);
     return absl::OkStatus();
   });
   if (!merging.ok()) return merging;
