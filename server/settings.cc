@@ -454,10 +454,15 @@ std::vector<Setting> MakeSettings() {
       Number("merge.alpha_max", MAPKEEP_FIELD(stages.merge.alpha_max), 0, 1, "alpha_max of eq. 8"),
       IntegerIn<int>(
           "merge.contradicting_scans", MAPKEEP_FIELD(stages.merge.contradicting_scans), 0, 1000000,
-          "Scans that look through a voxel of which none has a point, from which on alpha is contradicted_alpha; 0: "
+          "Scans that look through a voxel of which none keeps a point, from which on alpha is contradicted_alpha; 0: "
           "eq. 8 alone"),
       Number("merge.contradicted_alpha", MAPKEEP_FIELD(stages.merge.contradicted_alpha), 0, 1,
              "What such a session leaves of a voxel's counts"),
+      Number("merge.contradicted_share", MAPKEEP_FIELD(stages.merge.contradicted_share), 0, 2,
+             "Share of the voxels around one that the session says nothing about that it must contradict, for it to be "
+             "forgotten with them; above 1: never"),
+      Number("merge.contradiction_reach", MAPKEEP_FIELD(stages.merge.contradiction_reach), 0, 2,
+             "Metres around it, 2.3 voxels at least"),
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,

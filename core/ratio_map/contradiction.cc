@@ -33,10 +33,10 @@ class Neighbourhood {
         const VoxelIndex at = At(PositionInBlock(voxel.key), shift);
         if (voxel.ground && voxel.hits > 0) {
           Set(at, Said::kNothing);
+        } else if (IsContradicted(voxel, parameters)) {
+          if (IsInside(at) && Of(at) == Said::kLittle) Set(at, Said::kContradicted);
         } else if (voxel.hits > 0 || voxel.was_removed) {
           Set(at, Said::kMet);
-        } else if (IsContradicted(voxel, parameters) && IsInside(at) && Of(at) == Said::kLittle) {
-          Set(at, Said::kContradicted);
         }
       }
     }

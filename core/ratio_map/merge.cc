@@ -119,7 +119,7 @@ std::optional<Voxel> NewVoxel(const SessionVoxel& session, const SessionMap& of)
 }  // namespace
 
 bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters) {
-  return parameters.contradicting_scans > 0 && session.hits == 0 && !session.was_removed &&
+  return parameters.contradicting_scans > 0 && session.hits == 0 &&
          session.exposures >= static_cast<uint32_t>(parameters.contradicting_scans);
 }
 

@@ -14,7 +14,7 @@ struct MergeParameters {
       4.0;  ///< gamma: decay sensitivity. One contrary session of equal weight hides a voxel if exp(-gamma) < 0.54
   double alpha_min = 0.1;   ///< alpha_min
   double alpha_max = 0.95;  ///< alpha_max
-  /// Scans that looked through a voxel of which no scan of the session had a point, from which on alpha_v is
+  /// Scans that looked through a voxel of which the session keeps no point, from which on alpha_v is
   /// contradicted_alpha: where nothing is any more, few looks say as much as many, and what stood there for weeks is no
   /// reason to doubt it. 0: eq. 8 decides that, too.
   int contradicting_scans = 3;
@@ -23,7 +23,7 @@ struct MergeParameters {
   double contradiction_reach = 0.46;  ///< metres around it, 2.3 voxels at least
 };
 
-/// Whether the session looked through the voxel and found nothing there. What removal took was there.
+/// Whether the session looked through the voxel and met nothing there that stays: what removal took is gone as well.
 bool IsContradicted(const SessionVoxel& session, const MergeParameters& parameters);
 
 /// alpha_v of eq. 8 for N_S scans of evidence; the exponential comes from a table, so that every machine agrees (it is

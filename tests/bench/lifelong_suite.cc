@@ -421,6 +421,9 @@ int Main(int count, char** arguments) {
   app.add_option("--gamma", options.stages.merge.gamma, "Of eq. 8")->capture_default_str();
   app.add_option("--contradicting", options.stages.merge.contradicting_scans, "Scans; 0: eq. 8 alone")
       ->capture_default_str();
+  app.add_option("--contradicted-share", options.stages.merge.contradicted_share,
+                 "Of the voxels around one that says nothing, for it to be forgotten with them; above 1: never")
+      ->capture_default_str();
   app.add_option("--probation", options.stages.filter.probation_height,
                  "Metres above known ground in which what is new waits for a second session; 0: nowhere")
       ->capture_default_str();
