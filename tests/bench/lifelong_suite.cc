@@ -45,6 +45,7 @@ struct Options {
   std::string cache;
   double least_sa = 0;  ///< percent, after every day; the exit status says whether all were reached
   double least_da = 0;
+  double least_mean_da = 0;  ///< over the days
   double least_changes = 0;
   StageParameters stages;
 };
@@ -388,6 +389,7 @@ class Suite {
                   static_cast<int>(changes.required_told), static_cast<int>(changes.required));
       if (variant.name != std::string("eq. 8")) continue;
       reached = worst_sa >= options_.least_sa && worst_da >= options_.least_da &&
+                sum_da / days >= options_.least_mean_da &&
                 std::min(changes.Precision(), changes.Recall()) >= options_.least_changes;
     }
     return reached;
@@ -434,6 +436,7 @@ int Main(int count, char** arguments) {
   app.add_flag("--breakdown", options.breakdown, "Say which step lost what, by kind of object, distance and object");
   app.add_option("--least-sa", options.least_sa, "Exit 1 unless SA is this high after every day, percent");
   app.add_option("--least-da", options.least_da, "Exit 1 unless DA is, percent");
+  app.add_option("--least-mean-da", options.least_mean_da, "Exit 1 unless the mean of DA is, percent");
   app.add_option("--least-changes", options.least_changes,
                  "Exit 1 unless precision and recall of changes are this high, percent");
   AddDorOptions(app, options.stages.clean);
