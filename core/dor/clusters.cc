@@ -67,7 +67,25 @@ class NeighbourGrid {
     return false;
   }
 
+  // Calls visit(index) for points within epsilon of point `of`: over all points, each pair once.
+  template <typename Visit>
+  void ForEachPartner(uint32_t of, const Visit& visit) const {
+    const Eigen::Vector3d own = CellOf(points_[of]);
+    const auto x = static_cast<int64_t>(own.x()), y = static_cast<int64_t>(own.y()), z = static_cast<int64_t>(own.z());
+    for (int i = kOwnCell; i < 27; ++i) {
+      const auto found = cells_.find(CellKey(x + (i % 3 - 1), y + (i / 3 % 3 - 1), z + (i / 9 - 1)));
+      if (found == cells_.end()) continue;
+      for (uint32_t at = found->second.first; at < found->second.second; ++at) {
+        const uint32_t other = order_[at];
+        if (i == kOwnCell && other >= of) continue;
+        if ((points_[other] - points_[of]).squaredNorm() <= epsilon_ * epsilon_) visit(other);
+      }
+    }
+  }
+
  private:
+  static constexpr int kOwnCell = 13;  // of the 27, the cells after which are opposite to those before
+
   Eigen::Vector3d CellOf(const Eigen::Vector3d& point) const { return (point / epsilon_).array().floor(); }
 
   std::span<const Eigen::Vector3d> points_;
@@ -109,22 +127,27 @@ Clusters ClusterPoints(std::span<const Eigen::Vector3d> points, double epsilon, 
     }
   });
 
-  DisjointSets sets(count);
   std::vector<int64_t> nearest_core(count, kNoise);
-  for (uint32_t i = 0; i < count; ++i) {
-    if (core[i]) {
-      nearest_core[i] = i;
-      grid.ForEachNeighbour(i, [&](uint32_t j, double) {
-        if (j < i && core[j]) sets.Unite(i, j);
-      });
-      continue;
-    }
-    double best = std::numeric_limits<double>::infinity();
-    grid.ForEachNeighbour(i, [&](uint32_t j, double squared) {
-      if (core[j] && (squared < best || (squared == best && j < nearest_core[i]))) {
-        best = squared;
-        nearest_core[i] = j;
+  tbb::parallel_for(tbb::blocked_range<uint32_t>(0, count, 256), [&](const auto& range) {
+    for (uint32_t i = range.begin(); i != range.end(); ++i) {
+      if (core[i]) {
+        nearest_core[i] = i;
+        continue;
       }
+      double best = std::numeric_limits<double>::infinity();
+      grid.ForEachNeighbour(i, [&](uint32_t j, double squared) {
+        if (core[j] && (squared < best || (squared == best && j < nearest_core[i]))) {
+          best = squared;
+          nearest_core[i] = j;
+        }
+      });
+    }
+  });
+  DisjointSets sets(count);
+  for (uint32_t i = 0; i < count; ++i) {
+    if (!core[i]) continue;
+    grid.ForEachPartner(i, [&](uint32_t j) {
+      if (core[j]) sets.Unite(i, j);
     });
   }
 

@@ -3,6 +3,7 @@
 #include <absl/container/flat_hash_map.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <array>
@@ -265,12 +266,19 @@ std::vector<char> FindDepartures(const VoxelGrid& grid, const VoxelCounts& count
     std::ranges::transform(scans, times.begin(), [&](uint32_t s) { return direction * static_cast<int32_t>(s); });
     return times;
   };
-  Departures(grid, evidence, parameters, in_time(counts.first_hit, 1), in_time(counts.last_hit, 1),
-             in_time(counts.free_from, 1))
-      .Mark(counts.late, counts.confirmed_late, counts, departed);
-  Departures(grid, evidence, parameters, in_time(counts.last_hit, -1), in_time(counts.first_hit, -1),
-             in_time(counts.free_until, -1))
-      .Mark(counts.early, counts.confirmed_early, counts, departed);
+  std::vector<char> arrived(grid.size());
+  tbb::parallel_invoke(
+      [&] {
+        Departures(grid, evidence, parameters, in_time(counts.first_hit, 1), in_time(counts.last_hit, 1),
+                   in_time(counts.free_from, 1))
+            .Mark(counts.late, counts.confirmed_late, counts, departed);
+      },
+      [&] {
+        Departures(grid, evidence, parameters, in_time(counts.last_hit, -1), in_time(counts.first_hit, -1),
+                   in_time(counts.free_until, -1))
+            .Mark(counts.early, counts.confirmed_early, counts, arrived);
+      });
+  for (size_t id = 0; id < departed.size(); ++id) departed[id] |= arrived[id];
   return departed;
 }
 
