@@ -144,6 +144,7 @@ TEST(MapFilter, AWallThatAFewRaysMissStays) {
   EXPECT_EQ(StaticCount(map, wall), 300);
 }
 
+constexpr MapFilterParameters kProbation{.probation_height = 3};
 constexpr uint32_t kFirstDay = 1440, kSecondDay = 2880;
 
 Voxel SeenOn(uint32_t first, uint32_t last, bool ground = false) {
@@ -171,11 +172,11 @@ TEST(MapFilter, WhatStandsWhereGroundWasKnownWaitsForASecondSession) {
   const auto person = Box({8, 8, 5}, {2, 2, 8});
   Map map = Road();
   for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  map.FilterAll();
+  map.FilterAll(kProbation);
   EXPECT_EQ(NewCount(map, person), 32);
   EXPECT_EQ(StaticCount(map, person), 0);
   for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay + 1440));
-  map.FilterAll();
+  map.FilterAll(kProbation);
   EXPECT_EQ(NewCount(map, person), 0);
   EXPECT_EQ(StaticCount(map, person), 32);
 }
@@ -184,7 +185,7 @@ TEST(MapFilter, WhereNothingWasKnownWhatIsNewIsStaticAtOnce) {
   const auto beyond = Box({8, 21, 5}, {2, 2, 8});
   Map map = Road();
   for (const VoxelIndex& at : beyond) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  map.FilterAll();
+  map.FilterAll(kProbation);
   EXPECT_EQ(StaticCount(map, beyond), 32);
 }
 
@@ -193,7 +194,7 @@ TEST(MapFilter, MoreOfWhatIsKnownIsStaticAtOnce) {
   Map map = Road();
   for (const VoxelIndex& at : known) map.Put(at, SeenOn(kFirstDay, kFirstDay));
   for (const VoxelIndex& at : more) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  map.FilterAll();
+  map.FilterAll(kProbation);
   EXPECT_EQ(StaticCount(map, known), 10);
   EXPECT_EQ(StaticCount(map, more), 10);
 }
@@ -202,17 +203,15 @@ TEST(MapFilter, WhatHangsHighAboveKnownGroundIsStaticAtOnce) {
   const auto sign = Box({8, 8, 21}, {2, 2, 4});  // 3.4 m up
   Map map = Road();
   for (const VoxelIndex& at : sign) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  map.FilterAll();
+  map.FilterAll(kProbation);
   EXPECT_EQ(StaticCount(map, sign), 16);
 }
 
-TEST(MapFilter, WithoutProbationNothingWaits) {
+TEST(MapFilter, NothingWaitsUnlessItIsAskedFor) {
   const auto person = Box({8, 8, 5}, {2, 2, 8});
   Map map = Road();
   for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  MapFilterParameters without;
-  without.probation_height = 0;
-  map.FilterAll(without);
+  map.FilterAll();
   EXPECT_EQ(StaticCount(map, person), 32);
 }
 
