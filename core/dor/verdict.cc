@@ -200,7 +200,7 @@ void Doubt(const Scene& scene, const Surroundings& surroundings, const DorParame
 
 // Whether a voxel lies on a plane along which a sensor looks at it: there its rays may slip past.
 bool IsGrazed(const Scene& scene, uint32_t id, const Eigen::Vector3d& sensor) {
-  constexpr double kMaxSine = 0.15;  // of the angle between ray and surface
+  constexpr double kMaxSine = 0.08;  // of the angle between ray and surface
   constexpr double kMinPlanarity = 0.5;
   const Surface surface = SurfaceOf(scene.MomentsAround(id));
   const Eigen::Vector3d ray = scene.Centroid(id) - sensor;
