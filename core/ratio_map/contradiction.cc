@@ -1,7 +1,6 @@
 #include "core/ratio_map/contradiction.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace mapkeep {
 namespace {
