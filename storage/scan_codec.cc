@@ -12,14 +12,41 @@ namespace mapkeep {
 namespace {
 
 constexpr char kMagic = 'S';
-constexpr char kPackedVersion = 1, kPlainVersion = 2;
-constexpr size_t kChecksumAt = 2, kFlagsAt = 6, kCountAt = 7, kTimeAt = 11, kPoseAt = 19;
-constexpr size_t kContentAt = kPoseAt + 12 * sizeof(double);
+constexpr char kPackedVersion = 1, kPlainColumnsVersion = 2, kPlainVersion = 3;
+constexpr size_t kVersionAt = 1, kChecksumAt = 2, kFlagsAt = 6, kCountAt = 7, kTimeAt = 11, kPoseAt = 19;
+static_assert(kScanContentAt == kPoseAt + 12 * sizeof(double));
 constexpr uint32_t kMaxPoints = 1U << 27;  ///< what a damaged count may not pass
 constexpr int kZstdLevel = 1;
 
+uint32_t ChecksumOfHeader(std::string_view value, uint32_t before) {
+  return Crc32c(value.substr(kFlagsAt, kScanContentAt - kFlagsAt), Crc32c(value.substr(0, kChecksumAt), before));
+}
+
+/// The content's own checksum is often known already, so in a plain value it comes first.
 uint32_t ChecksumOf(std::string_view value) {
-  return Crc32c(value.substr(kFlagsAt), Crc32c(value.substr(0, kChecksumAt)));
+  const std::string_view content = ContentOf(value);
+  return value[kVersionAt] == kPlainVersion ? ChecksumOfHeader(value, Crc32c(content))
+                                            : Crc32c(content, ChecksumOfHeader(value, 0));
+}
+
+void WriteChecksum(std::string& value, uint32_t checksum) {
+  std::string bytes;
+  AppendNumber<4>(bytes, checksum);
+  std::memcpy(value.data() + kChecksumAt, bytes.data(), bytes.size());
+}
+
+/// What is before the content, but for the checksum.
+std::string Header(char version, bool intensities, size_t count, double time, const Pose& pose) {
+  std::string header;
+  header.reserve(kScanContentAt);
+  header.push_back(kMagic);
+  header.push_back(version);
+  AppendNumber<4>(header, 0);
+  AppendNumber<1>(header, intensities ? 1 : 0);
+  AppendNumber<4>(header, count);
+  AppendNumber<8>(header, std::bit_cast<uint64_t>(time));
+  for (const double entry : RowsOf(pose)) AppendNumber<8>(header, std::bit_cast<uint64_t>(entry));
+  return header;
 }
 
 /// Each plane of bytes is a part: the low bytes of a float are noise, its high ones are few.
@@ -41,21 +68,36 @@ Parts Columns(const Scan& scan) {
 }
 
 static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float) && std::endian::native == std::endian::little,
-              "points in memory are points as they are stored plain");
+              "points in memory are points as they are stored plain by columns");
 
 size_t PointBytes(size_t count) { return count * sizeof(Eigen::Vector3f); }
 size_t IntensityBytes(size_t count) { return count * sizeof(float); }
 
 void AppendPlain(const Scan& scan, std::string& value) {
-  value.append(reinterpret_cast<const char*>(scan.points.data()), PointBytes(scan.points.size()));
-  value.append(reinterpret_cast<const char*>(scan.intensities.data()), IntensityBytes(scan.intensities.size()));
+  for (size_t i = 0; i < scan.points.size(); ++i) {
+    value.append(reinterpret_cast<const char*>(scan.points[i].data()), PointBytes(1));
+    if (!scan.intensities.empty()) {
+      value.append(reinterpret_cast<const char*>(&scan.intensities[i]), IntensityBytes(1));
+    }
+  }
 }
 
 /// Into a scan that has the size of the bytes.
-void ReadPlain(std::string_view bytes, Scan& scan) {
+void ReadPlain(const char* at, Scan& scan) {
+  for (size_t i = 0; i < scan.points.size(); ++i) {
+    std::memcpy(scan.points[i].data(), at, PointBytes(1));
+    at += PointBytes(1);
+    if (scan.intensities.empty()) continue;
+    std::memcpy(&scan.intensities[i], at, IntensityBytes(1));
+    at += IntensityBytes(1);
+  }
+}
+
+/// Likewise.
+void ReadPlainColumns(const char* at, Scan& scan) {
   const size_t points = PointBytes(scan.points.size()), intensities = IntensityBytes(scan.intensities.size());
-  if (points > 0) std::memcpy(scan.points.data()->data(), bytes.data(), points);
-  if (intensities > 0) std::memcpy(scan.intensities.data(), bytes.data() + points, intensities);
+  if (points > 0) std::memcpy(scan.points.data()->data(), at, points);
+  if (intensities > 0) std::memcpy(scan.intensities.data(), at + points, intensities);
 }
 
 absl::Status ReadColumns(std::string_view frame, Scan& scan) {
@@ -86,45 +128,49 @@ absl::StatusOr<std::string> EncodeScan(const StagedScan& staged, ScanForm form) 
     return absl::InvalidArgumentError(Text("a scan of ", scan.points.size(), " points"));
   }
   const bool plain = form == ScanForm::kPlain;
-  absl::StatusOr<std::string> columns;
-  if (!plain) {
-    columns = Compress(Columns(scan), kZstdLevel);
-    if (!columns.ok()) return columns.status();
-  }
-  std::string value;
-  value.reserve(kContentAt +
-                (plain ? PointBytes(scan.points.size()) + IntensityBytes(scan.intensities.size()) : columns->size()));
-  value.push_back(kMagic);
-  value.push_back(plain ? kPlainVersion : kPackedVersion);
-  AppendNumber<4>(value, 0);
-  AppendNumber<1>(value, scan.intensities.empty() ? 0 : 1);
-  AppendNumber<4>(value, scan.points.size());
-  AppendNumber<8>(value, std::bit_cast<uint64_t>(scan.time));
-  for (const double entry : RowsOf(staged.pose)) AppendNumber<8>(value, std::bit_cast<uint64_t>(entry));
+  std::string value = Header(plain ? kPlainVersion : kPackedVersion, !scan.intensities.empty(), scan.points.size(),
+                             scan.time, staged.pose);
   if (plain) {
+    value.reserve(kScanContentAt + PointBytes(scan.points.size()) + IntensityBytes(scan.intensities.size()));
     AppendPlain(scan, value);
   } else {
+    const absl::StatusOr<std::string> columns = Compress(Columns(scan), kZstdLevel);
+    if (!columns.ok()) return columns.status();
     value.append(*columns);
   }
-  std::string checksum;
-  AppendNumber<4>(checksum, ChecksumOf(value));
-  std::memcpy(value.data() + kChecksumAt, checksum.data(), checksum.size());
+  WriteChecksum(value, ChecksumOf(value));
   return value;
+}
+
+void SealPlainScan(std::string& value, double time, const Pose& pose, uint32_t content_crc32c) {
+  const size_t count = (value.size() - kScanContentAt) / (PointBytes(1) + IntensityBytes(1));
+  const std::string header = Header(kPlainVersion, true, count, time, pose);
+  std::memcpy(value.data(), header.data(), header.size());
+  WriteChecksum(value, ChecksumOfHeader(value, content_crc32c));
+}
+
+size_t PointsIn(std::string_view value) { return NumberAt<4>(value.data() + kCountAt); }
+
+absl::StatusOr<std::string> PackScan(std::string_view plain) {
+  const absl::StatusOr<StagedScan> scan = DecodeScan(plain);
+  if (!scan.ok()) return scan.status();
+  return EncodeScan(*scan, ScanForm::kPacked);
 }
 
 absl::StatusOr<StagedScan> DecodeScan(std::string_view value) {
   const auto damaged = [](std::string_view why) { return absl::DataLossError(Text("staged scan: ", why)); };
-  if (value.size() < kContentAt) return damaged("the value is cut short");
+  if (value.size() < kScanContentAt) return damaged("the value is cut short");
   if (NumberAt<4>(value.data() + kChecksumAt) != ChecksumOf(value)) return damaged("the checksum does not match");
   if (value[0] != kMagic) return damaged("this is not a scan");
-  const bool plain = value[1] == kPlainVersion;
-  if (!plain && value[1] != kPackedVersion) {
-    return damaged(Text("format version ", int{value[1]}, ", known are 1 and 2"));
+  const char version = value[kVersionAt];
+  if (version < kPackedVersion || version > kPlainVersion) {
+    return damaged(Text("format version ", int{version}, ", known are 1 to 3"));
   }
+  const bool plain = version != kPackedVersion;
   const uint64_t flags = NumberAt<1>(value.data() + kFlagsAt);
   const size_t count = NumberAt<4>(value.data() + kCountAt);
   if (flags > 1 || count > kMaxPoints) return damaged("its header makes no sense");
-  const std::string_view content = value.substr(kContentAt);
+  const std::string_view content = ContentOf(value);
   // Before there is memory for what a damaged count asks for.
   if (plain && content.size() != PointBytes(count) + (flags == 1 ? IntensityBytes(count) : 0)) {
     return damaged(Text(content.size(), " bytes do not hold ", count, " points"));
@@ -140,10 +186,9 @@ absl::StatusOr<StagedScan> DecodeScan(std::string_view value) {
   }
   staged.scan.points.resize(count);
   staged.scan.intensities.resize(flags == 1 ? count : 0);
-  if (plain) {
-    ReadPlain(content, staged.scan);
-    return staged;
-  }
+  if (version == kPlainVersion) ReadPlain(content.data(), staged.scan);
+  if (version == kPlainColumnsVersion) ReadPlainColumns(content.data(), staged.scan);
+  if (plain) return staged;
   if (absl::Status status = ReadColumns(content, staged.scan); !status.ok()) {
     return damaged(FromAbsl(status.message()));
   }

@@ -85,26 +85,27 @@ absl::Status RememberMap(Engine& engine, std::string_view map) {
   return engine.Write(kSessionMaps, row, Durability::kDurable);
 }
 
-absl::StatusOr<std::vector<ImmutableValue>> EncodeScans(uint32_t first, std::span<const StagedScan> scans,
-                                                        ScanForm form) {
-  std::vector<absl::StatusOr<std::string>> encoded(scans.size(), std::string());
-  tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) { encoded[i] = EncodeScan(scans[i], form); });
-  std::vector<ImmutableValue> values;
+absl::Status OfScan(uint32_t index, const absl::Status& status) {
+  return {status.code(), Text("scan ", index, ": ", FromAbsl(status.message()))};
+}
+
+absl::Status PackScans(uint32_t first, std::span<PlainScan> scans) {
+  std::vector<absl::Status> packed(scans.size());
+  tbb::parallel_for(size_t{0}, scans.size(), [&](size_t i) {
+    absl::StatusOr<std::string> value = PackScan(scans[i].value);
+    packed[i] = value.status();
+    if (value.ok()) scans[i].value = *std::move(value);
+  });
   for (size_t i = 0; i < scans.size(); ++i) {
-    const uint32_t index = first + static_cast<uint32_t>(i);
-    if (!encoded[i].ok()) {
-      return absl::Status(encoded[i].status().code(),
-                          Text("scan ", index, ": ", FromAbsl(encoded[i].status().message())));
-    }
-    values.push_back({ScanKey(index), *std::move(encoded[i])});
+    if (!packed[i].ok()) return OfScan(first + static_cast<uint32_t>(i), packed[i]);
   }
-  return values;
+  return absl::OkStatus();
 }
 
 /// Of their points in memory.
-uint64_t BytesOf(std::span<const StagedScan> scans) {
+uint64_t BytesOf(std::span<const PlainScan> scans) {
   uint64_t bytes = 0;
-  for (const StagedScan& scan : scans) bytes += kPointBytes * scan.scan.points.size();
+  for (const PlainScan& scan : scans) bytes += kPointBytes * PointsIn(scan.value);
   return bytes;
 }
 
@@ -318,31 +319,50 @@ absl::StatusOr<std::vector<SessionRecord>> SessionStore::LackingMap(std::string_
 
 absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id, uint32_t first,
                                        std::span<const StagedScan> scans) {
+  std::vector<PlainScan> plain;
+  for (const StagedScan& scan : scans) {
+    absl::StatusOr<std::string> value = EncodeScan(scan, ScanForm::kPlain);
+    if (!value.ok()) return OfScan(first + static_cast<uint32_t>(plain.size()), value.status());
+    plain.push_back({*std::move(value), scan.payload_bytes});
+  }
+  return AppendScans(map, id, first, std::move(plain));
+}
+
+absl::Status SessionStore::AppendScans(std::string_view map, std::string_view id, uint32_t first,
+                                       std::vector<PlainScan> scans) {
   const absl::StatusOr<StoredRow<StoredSession>> found = FindStored(engine_, map, id);
   if (!found.ok()) return found.status();
   if (absl::Status status = CheckAppend(found->value, first, scans.size()); !status.ok()) return status;
   if (scans.empty()) return absl::OkStatus();
-  const bool large = BytesOf(scans) >= large_batch_bytes_;
-  const auto values = EncodeScans(first, scans, large ? ScanForm::kPlain : ScanForm::kPacked);
-  if (!values.ok()) return values.status();
+  const uint64_t bytes = BytesOf(scans);
+  const bool large = bytes >= large_batch_bytes_;
+  if (!large) {
+    if (absl::Status status = PackScans(first, scans); !status.ok()) return status;
+  }
+  std::vector<ImmutableValue> values;
+  uint64_t payload_bytes = 0;
+  for (PlainScan& scan : scans) {
+    values.push_back({ScanKey(first + static_cast<uint32_t>(values.size())), std::move(scan.value)});
+    payload_bytes += scan.payload_bytes;
+  }
   const uint64_t incarnation = found->value.incarnation;
   const std::string group = SessionGroup(incarnation);
-  const absl::Status put = large ? engine_.PutLargeValues(group, *values) : engine_.PutValues(group, *values);
+  const absl::Status put = large ? engine_.PutLargeValues(group, values) : engine_.PutValues(group, values);
   if (!put.ok()) return put;
   const absl::StatusOr<StoredSession> changed =
       ChangeSession(engine_, map, id, [&](const StoredSession& now) -> absl::StatusOr<Change> {
         if (now.incarnation != incarnation) return NoSession(map, id);
-        if (absl::Status status = CheckAppend(now, first, scans.size()); !status.ok()) return status;
+        if (absl::Status status = CheckAppend(now, first, values.size()); !status.ok()) return status;
         Change change{now};
-        change.next.record.durable_scans = first + static_cast<uint32_t>(scans.size());
-        change.next.record.staged_bytes += BytesOf(scans);
-        for (const StagedScan& scan : scans) change.next.record.payload_bytes += scan.payload_bytes;
+        change.next.record.durable_scans = first + static_cast<uint32_t>(values.size());
+        change.next.record.staged_bytes += bytes;
+        change.next.record.payload_bytes += payload_bytes;
         return change;
       });
   if (!absl::IsNotFound(changed.status())) return changed.status();
   // Deleted while these were on their way: its cleanup may have missed them.
   std::vector<std::string> keys;
-  for (const ImmutableValue& value : *values) keys.push_back(value.key);
+  for (const ImmutableValue& value : values) keys.push_back(value.key);
   if (absl::Status status = engine_.DeleteValues(group, keys); !status.ok()) return status;
   return changed.status();
 }

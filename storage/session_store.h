@@ -72,6 +72,12 @@ struct StagedScan {
   uint64_t payload_bytes = 0;    ///< that its points took on the wire; counted when it is appended, not stored with it
 };
 
+/// The same on its way into the store: the value that it is stored as (scan_codec.h), plain.
+struct PlainScan {
+  std::string value;
+  uint64_t payload_bytes = 0;
+};
+
 /// Sessions and their staged scans on an engine. Thread-safe; changes of one session's record are compare-and-set, so
 /// that two writers cannot both believe they won (the loser gets ABORTED).
 class SessionStore final {
@@ -103,6 +109,8 @@ class SessionStore final {
 
   /// Stages scans [first, first + scans.size()), durably when it returns, and moves durable_scans. OUT_OF_RANGE if
   /// `first` is not durable_scans, FAILED_PRECONDITION if the session is not uploading.
+  absl::Status AppendScans(std::string_view map, std::string_view id, uint32_t first, std::vector<PlainScan> scans);
+  /// The same for who has points. INVALID_ARGUMENT, naming the scan, if its intensities do not match them.
   absl::Status AppendScans(std::string_view map, std::string_view id, uint32_t first,
                            std::span<const StagedScan> scans);
   /// One staged scan. DATA_LOSS if it is damaged.

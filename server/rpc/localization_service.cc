@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -29,10 +30,13 @@ struct Scans {
   std::vector<Pose> poses;
 };
 
-absl::StatusOr<Scans> Decoded(std::span<const RawScan> raw, const MapRange& range) {
+absl::StatusOr<Scans> Decoded(std::vector<RawScan> raw, const MapRange& range) {
   Scans decoded;
-  for (const RawScan& one : raw) {
-    auto scan = DecodeScan(one, one.header.crc32c(), range);
+  for (RawScan& one : raw) {
+    const uint32_t crc32c = one.header.crc32c();
+    const auto checked = CheckScan(std::move(one), crc32c, range);
+    if (!checked.ok()) return checked.status();
+    auto scan = DecodeScan(checked->value);
     if (!scan.ok()) return scan.status();
     decoded.scans.push_back(std::move(scan->scan));
     decoded.poses.push_back(scan->pose);
@@ -41,7 +45,7 @@ absl::StatusOr<Scans> Decoded(std::span<const RawScan> raw, const MapRange& rang
   return decoded;
 }
 
-absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& open, std::span<const RawScan> raw,
+absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& open, std::vector<RawScan> raw,
                   v1::LocalizeResponse& response) {
   const auto base = context.maps.Open(open.map());
   if (!base.ok()) return base.status();
@@ -52,7 +56,8 @@ absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& ope
   }
   MapRange range{.voxel_size = (*base)->map().voxel_size};
   if ((*base)->map().origin) range.origin = *(*base)->map().origin;
-  auto scans = Decoded(raw, range);
+  const size_t count = raw.size();
+  auto scans = Decoded(std::move(raw), range);
   if (!scans.ok()) return scans.status();
   std::optional<Pose> prior;
   if (open.has_initial_pose()) {
@@ -67,7 +72,7 @@ absl::Status Find(const ServiceContext& context, const v1::OpenLocalization& ope
                     TargetOf(**base, context.plans, {}, parameters.matcher), prior, parameters);
   });
   if (!place.ok()) return place.status();
-  LogInfo("localised", {{"map", open.map()}, {"scans", raw.size()}, {"found", place->found ? 1 : 0}});
+  LogInfo("localised", {{"map", open.map()}, {"scans", count}, {"found", place->found ? 1 : 0}});
   response.set_found(place->found);
   response.set_reason(place->reason);
   if (!place->found) return absl::OkStatus();
@@ -114,11 +119,12 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
         }
         return assembly_.Begin(std::move(*request_.mutable_scan()));
       case v1::LocalizeRequest::kChunk: {
-        if (absl::Status status = assembly_.Append(request_.chunk()); !status.ok()) return status;
+        const std::string_view chunk = request_.chunk();
+        if (absl::Status status = assembly_.Append({&chunk, 1}); !status.ok()) return status;
         if (bytes_ + assembly_.bytes() > kMostBytes) return TooMuch();
         if (!assembly_.complete()) return absl::OkStatus();
         scans_.push_back(assembly_.Take());
-        bytes_ += std::max(scans_.back().bytes.size(), scans_.back().DecodedBytes());
+        bytes_ += std::max(scans_.back().payload().size(), scans_.back().DecodedBytes());
         return bytes_ > kMostBytes ? TooMuch() : absl::OkStatus();
       }
       default:
@@ -138,7 +144,7 @@ class Localization final : public grpc::ServerReadReactor<v1::LocalizeRequest> {
     if (!open_ || scans_.empty()) return Finish(ToGrpc(absl::InvalidArgumentError("there is no scan to look for")));
     context_.pool.Submit([this] {
       const LogScope scope(call_.tags());
-      Finish(ToGrpc(Find(context_, *open_, scans_, *response_)));
+      Finish(ToGrpc(Find(context_, *open_, std::move(scans_), *response_)));
     });
   }
 

@@ -4,9 +4,10 @@
 #include <absl/strings/str_format.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
-#include <string_view>
+#include <cstring>
 #include <utility>
 
 #include "core/checksum/crc32c.h"
@@ -29,14 +30,14 @@ absl::Status At(uint32_t scan, const absl::Status& status) {
   return {status.code(), absl::StrCat("scan ", scan, ": ", status.message())};
 }
 
-uint32_t Checksum(const RawScan& raw) {
-  uint32_t crc = Crc32c(raw.bytes);
+/// Given the payload's own.
+uint32_t Checksum(const v1::ScanHeader& header, uint32_t crc) {
   const auto add = [&crc](const double* values, size_t count) {
     crc = Crc32c({reinterpret_cast<const char*>(values), count * sizeof(double)}, crc);
   };
-  const auto& rows = raw.header.pose().rows();
+  const auto& rows = header.pose().rows();
   add(rows.data(), rows.size());
-  const double time = raw.header.time();
+  const double time = header.time();
   add(&time, 1);
   return crc;
 }
@@ -61,31 +62,61 @@ absl::Status CheckFormat(const v1::ScanHeader& header) {
                                                     header.format() == v1::POINT_FORMAT_DRACO ? "1 to " : "", most));
 }
 
-absl::Status CheckPoint(size_t index, const Eigen::Vector3f& point, float intensity, const Pose& pose,
-                        double voxel_size) {
-  if (!point.allFinite() || !std::isfinite(intensity)) {
+struct PointOnWire {
+  Eigen::Vector3f position;
+  float intensity;
+};
+static_assert(sizeof(PointOnWire) == kBytesPerPoint);
+
+PointOnWire PointAt(std::string_view points, size_t index) {
+  std::array<float, 4> values;  // the bytes may lie anywhere
+  std::memcpy(values.data(), points.data() + index * kBytesPerPoint, kBytesPerPoint);
+  return {{values[0], values[1], values[2]}, values[3]};
+}
+
+absl::Status CheckPoint(size_t index, const PointOnWire& point, const Pose& pose, double voxel_size) {
+  const auto& [position, intensity] = point;
+  if (!position.allFinite() || !std::isfinite(intensity)) {
     return absl::InvalidArgumentError(absl::StrFormat("point %d is not finite", index));
   }
   if (!(intensity >= 0 && intensity <= 1)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("point %d has intensity %g, expected a value in [0, 1]", index, intensity));
   }
-  const auto voxel = VoxelIndexOf(pose * point.cast<double>(), voxel_size);
+  const auto voxel = VoxelIndexOf(pose * position.cast<double>(), voxel_size);
   if (voxel.ok()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("point ", index, ": ", voxel.status().message()));
 }
 
-// Whether a look at each point's distance suffices: all finite, all surely inside the map's range wherever they lie
-// about the sensor, every intensity a share. False says only that each must be looked at closely.
-bool AllSurelyFine(const Scan& scan, const Pose& in_map, double voxel_size) {
+// Whether a look at each number suffices: all finite, all points surely inside the map's range wherever they lie about
+// the sensor, every intensity a share. False says only that each must be looked at closely.
+bool AllSurelyFine(std::string_view points, const Pose& in_map, double voxel_size) {
   // Metres, with room for what rounding and a rotation that is one but for rounding may add.
   const double reach = 0.9 * kVoxelLimit * voxel_size - in_map.translation().cwiseAbs().maxCoeff();
   if (!(reach > 0)) return false;
-  const auto reach_squared = static_cast<float>(std::min(reach * reach, 1e30));
-  bool fine = true;
-  for (const Eigen::Vector3f& point : scan.points) fine &= point.squaredNorm() <= reach_squared;  // false for NaN
-  for (const float intensity : scan.intensities) fine &= intensity >= 0 && intensity <= 1;
+  const auto side = static_cast<float>(std::min(reach / std::sqrt(3), 1e15));  // of the cube within that reach
+  const std::array<float, 4> least = {-side, -side, -side, 0}, most = {side, side, side, 1};
+  constexpr size_t kAtOnce = 4;  // points: what vectors of any processor hold
+  const auto are_fine = [&](const char* at) {
+    std::array<float, 4 * kAtOnce> values;  // the bytes may lie anywhere
+    std::memcpy(values.data(), at, sizeof values);
+    bool fine = true;
+    for (size_t i = 0; i < values.size(); ++i) fine &= (values[i] >= least[i % 4]) & (values[i] <= most[i % 4]);
+    return fine;  // false for NaN
+  };
+  constexpr size_t kStep = kAtOnce * kBytesPerPoint;
+  if (points.size() < kStep) return false;
+  bool fine = are_fine(points.data() + points.size() - kStep);
+  for (size_t at = 0; at + kStep <= points.size(); at += kStep) fine &= are_fine(points.data() + at);
   return fine;
+}
+
+absl::Status CheckPoints(std::string_view points, const Pose& in_map, double voxel_size) {
+  if (AllSurelyFine(points, in_map, voxel_size)) return absl::OkStatus();
+  for (size_t i = 0; i < points.size() / kBytesPerPoint; ++i) {
+    if (absl::Status status = CheckPoint(i, PointAt(points, i), in_map, voxel_size); !status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -101,23 +132,21 @@ absl::Status ScanAssembly::Begin(v1::ScanHeader header) {
   return absl::OkStatus();
 }
 
-absl::Status ScanAssembly::Append(std::string chunk) {
+absl::Status ScanAssembly::Append(std::span<const std::string_view> chunk) {
   if (!scan_) return absl::InvalidArgumentError("a chunk outside of a scan: a scan's header comes first");
-  if (chunk.size() > kLargestChunk) {
+  size_t size = 0;
+  for (const std::string_view piece : chunk) size += piece.size();
+  if (size > kLargestChunk) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("scan %d: a chunk of %d bytes, expected at most 1 MiB", scan_->header.index(), chunk.size()));
+        absl::StrFormat("scan %d: a chunk of %d bytes, expected at most 1 MiB", scan_->header.index(), size));
   }
-  if (scan_->bytes.size() + chunk.size() > Wanted()) {
+  if (bytes() + size > Wanted()) {
     return absl::InvalidArgumentError(absl::StrFormat("scan %d: more than the %d bytes of its %d points",
                                                       scan_->header.index(), Wanted(), scan_->header.point_count()));
   }
-  if (chunk.size() == Wanted()) {
-    scan_->bytes = std::move(chunk);
-    return absl::OkStatus();
-  }
   // Not the whole of what a header only claims.
-  if (scan_->bytes.empty()) scan_->bytes.reserve(std::min(Wanted(), kReserved));
-  scan_->bytes += chunk;
+  if (bytes() == 0) scan_->value.reserve(kScanContentAt + std::min(Wanted(), kReserved));
+  for (const std::string_view piece : chunk) scan_->value += piece;
   return absl::OkStatus();
 }
 
@@ -128,7 +157,7 @@ RawScan ScanAssembly::Take() {
 }
 
 std::string ScanAssembly::Description() const {
-  return absl::StrFormat("scan %d has %d of %d bytes", scan_->header.index(), scan_->bytes.size(), Wanted());
+  return absl::StrFormat("scan %d has %d of %d bytes", scan_->header.index(), bytes(), Wanted());
 }
 
 size_t ScanAssembly::Wanted() const {
@@ -139,10 +168,11 @@ size_t ScanAssembly::Wanted() const {
 
 size_t RawScan::DecodedBytes() const { return kBytesPerPoint * header.point_count(); }
 
-absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc32c, const MapRange& range) {
+absl::StatusOr<PlainScan> CheckScan(RawScan raw, uint32_t promised_crc32c, const MapRange& range) {
   const v1::ScanHeader& header = raw.header;
   const uint32_t scan = header.index();
-  if (const uint32_t found = Checksum(raw); found != header.crc32c()) {
+  const uint32_t payload_crc32c = Crc32c(raw.payload());
+  if (const uint32_t found = Checksum(header, payload_crc32c); found != header.crc32c()) {
     return At(scan, absl::DataLossError(
                         absl::StrFormat("its content has crc32c %08x, its header says %08x", found, header.crc32c())));
   }
@@ -155,22 +185,26 @@ absl::StatusOr<StagedScan> DecodeScan(const RawScan& raw, uint32_t promised_crc3
   }
   const auto pose = FromProto(header.pose());
   if (!pose.ok()) return At(scan, pose.status());
-
   LetOthersRun();
-  auto points = DecodePayload(raw.bytes, FormatOf(header), header.point_count());
-  if (!points.ok()) return At(scan, points.status());
-  StagedScan staged{.scan = *std::move(points), .pose = *pose, .payload_bytes = raw.bytes.size()};
-  staged.scan.time = header.time();
+
+  const size_t payload_bytes = raw.payload().size();
+  PlainScan plain{std::move(raw.value), payload_bytes};
+  const auto content = [&plain] { return ContentOf(plain.value); };
+  if (FormatOf(header) == PayloadFormat::kFloat32) {
+    SealPlainScan(plain.value, header.time(), *pose, payload_crc32c);
+  } else {
+    auto points = DecodePayload(content(), FormatOf(header), header.point_count());
+    if (!points.ok()) return At(scan, points.status());
+    points->time = header.time();
+    auto value = EncodeScan({.scan = *std::move(points), .pose = *pose}, ScanForm::kPlain);
+    if (!value.ok()) return At(scan, value.status());
+    plain.value = *std::move(value);
+  }
   LetOthersRun();
   Pose in_map = *pose;
   in_map.translation() -= range.origin;
-  if (AllSurelyFine(staged.scan, in_map, range.voxel_size)) return staged;
-  for (size_t i = 0; i < header.point_count(); ++i) {
-    const absl::Status status =
-        CheckPoint(i, staged.scan.points[i], staged.scan.intensities[i], in_map, range.voxel_size);
-    if (!status.ok()) return At(scan, status);
-  }
-  return staged;
+  if (absl::Status status = CheckPoints(content(), in_map, range.voxel_size); !status.ok()) return At(scan, status);
+  return plain;
 }
 
 }  // namespace mapkeep

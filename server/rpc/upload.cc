@@ -15,6 +15,7 @@
 #include "mapkeep/v1/common.pb.h"
 #include "mapkeep/v1/session_service.pb.h"
 #include "server/pipeline/outline.h"
+#include "server/rpc/chunk_message.h"
 #include "server/rpc/convert.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/scan_assembly.h"
@@ -133,7 +134,7 @@ class Upload final : public Reactor {
         ++next_index_;
         if (ending_) continue;
         // What they will take counts, too: a few bytes may decode to many points.
-        const size_t bytes = std::max(scan.bytes.size(), scan.DecodedBytes());
+        const size_t bytes = std::max(scan.payload().size(), scan.DecodedBytes());
         pending_.push_back(std::move(scan));
         pending_bytes_ += bytes;
         CountPending(static_cast<int64_t>(bytes));
@@ -151,14 +152,25 @@ class Upload final : public Reactor {
   }
 
   absl::Status Receive(grpc::ByteBuffer& message) {
+    std::vector<grpc::Slice> slices;
+    if (message.Dump(&slices).ok()) {
+      std::vector<std::string_view> pieces;
+      pieces.reserve(slices.size());
+      for (const grpc::Slice& slice : slices) {
+        pieces.emplace_back(reinterpret_cast<const char*>(slice.begin()), slice.size());
+      }
+      if (const auto chunk = ChunkIn(pieces)) return assembly_.Append(*chunk);
+    }
     if (absl::Status status = Decode(message); !status.ok()) return status;
     switch (request_.part_case()) {
       case v1::UploadScansRequest::kOpen:
         return absl::InvalidArgumentError("a second `open`");
       case v1::UploadScansRequest::kScan:
         return BeginScan();
-      case v1::UploadScansRequest::kChunk:
-        return assembly_.Append(std::move(*request_.mutable_chunk()));
+      case v1::UploadScansRequest::kChunk: {
+        const std::string_view chunk = request_.chunk();
+        return assembly_.Append({&chunk, 1});
+      }
       default:
         return NoPart();
     }
@@ -213,45 +225,45 @@ class Upload final : public Reactor {
     return absl::OkStatus();
   }
 
-  // On the pool of uploads: checks and stages a batch.
-  void Stage(const std::vector<RawScan>& batch, uint32_t first) {
-    std::vector<StagedScan> staged;
+  // On the pool of uploads: checks and stages the batch in `staging_`.
+  void Stage(uint32_t first) {
+    std::vector<PlainScan> scans;
+    size_t sent = 0, kept = 0;  // bytes; quotas are of what is kept
     absl::Status bad;
-    for (const RawScan& raw : batch) {
+    for (RawScan& raw : std::exchange(staging_, {})) {
       const uint32_t index = raw.header.index();
       if (index == 0 && takes_origin_) {
         if (const auto pose = FromProto(raw.header.pose()); pose.ok()) {
           range_.origin = OriginFor(*pose).value_or(Eigen::Vector3d(Eigen::Vector3d::Zero()));
         }
       }
-      auto scan = DecodeScan(raw, record_.scan_crc32c[index], range_);
+      const size_t raw_bytes = raw.payload().size(), points_bytes = raw.DecodedBytes();
+      auto scan = CheckScan(std::move(raw), record_.scan_crc32c[index], range_);
       if (!scan.ok()) {
         bad = scan.status();
         break;
       }
-      staged.push_back(*std::move(scan));
+      scans.push_back(*std::move(scan));
+      sent += raw_bytes;
+      kept += points_bytes;
       LetOthersRun();
     }
-    size_t sent = 0, kept = 0;  // bytes; quotas are of what is kept
-    for (size_t i = 0; i < staged.size(); ++i) {
-      sent += batch[i].bytes.size();
-      kept += batch[i].DecodedBytes();
-    }
+    const size_t count = scans.size();
     absl::Status status = context_.quotas.Append(session_.first, session_.second, kept);
-    if (status.ok() && !staged.empty()) {
-      status = context_.sessions.AppendScans(session_.first, session_.second, first, staged);
+    if (status.ok() && count > 0) {
+      status = context_.sessions.AppendScans(session_.first, session_.second, first, std::move(scans));
       if (!status.ok()) Recount();
     }
-    if (status.ok() && !staged.empty()) {
-      context_.metrics.Staged(staged.size(), sent);
+    if (status.ok() && count > 0) {
+      context_.metrics.Staged(count, sent);
       context_.feed.Changed(session_);
     }
 
     const std::lock_guard lock(mutex_);
     busy_ = false;
     CountPending(-static_cast<int64_t>(std::exchange(staging_bytes_, 0)));
-    if (status.ok() && !staged.empty()) {
-      record_.durable_scans = first + static_cast<uint32_t>(staged.size());
+    if (status.ok() && count > 0) {
+      record_.durable_scans = first + static_cast<uint32_t>(count);
       acknowledge_ = true;
     }
     const bool elsewhere = absl::IsOutOfRange(status);  // another daemon has staged scans of this session
@@ -315,9 +327,8 @@ class Upload final : public Reactor {
     if (!busy_ && !pending_.empty()) {
       busy_ = true;
       staging_bytes_ = std::exchange(pending_bytes_, 0);
-      context_.staging.Submit([self = self_, batch = std::exchange(pending_, {}), first = record_.durable_scans] {
-        self->Stage(batch, first);
-      });
+      staging_ = std::exchange(pending_, {});
+      context_.staging.Submit([self = self_, first = record_.durable_scans] { self->Stage(first); });
     }
     const bool all_came = reads_ended_ && !assembling_ && received_.empty();
     if (all_came && !ending_) CheckEnd();
@@ -393,6 +404,7 @@ class Upload final : public Reactor {
   MapRange range_;                // of opening, then of staging
   bool takes_origin_ = false;     // the map's origin will be this session's; likewise
   std::vector<RawScan> pending_;  // complete, not given to the pool yet
+  std::vector<RawScan> staging_;  // given to it
   size_t pending_bytes_ = 0, staging_bytes_ = 0;
   std::optional<absl::Status> failure_;
   bool wrong_index_ = false;

@@ -8,6 +8,7 @@
 #include <set>
 #include <thread>
 
+#include "core/checksum/crc32c.h"
 #include "storage/scan_codec.h"
 #include "tests/unit/storage/status_matchers.h"
 #include "tests/unit/storage/test_engine.h"
@@ -85,6 +86,16 @@ TEST(ScanCodec, AScanComesBackBitForBit) {
   expect_same();
   staged.scan.points.clear();
   expect_same();
+}
+
+TEST(ScanCodec, PointsAsTheyCameInBecomeThePlainValueOfTheirScan) {
+  const StagedScan staged = AnyScan(3, 50);
+  const std::string plain = *EncodeScan(staged, ScanForm::kPlain);
+  std::string value = std::string(kScanContentAt, 'x') + plain.substr(kScanContentAt);
+  SealPlainScan(value, staged.scan.time, staged.pose, Crc32c(plain.substr(kScanContentAt)));
+  EXPECT_EQ(value, plain);
+  EXPECT_EQ(PointsIn(value), 50U);
+  EXPECT_EQ(*PackScan(value), *EncodeScan(staged, ScanForm::kPacked));
 }
 
 TEST(ScanCodec, EveryFlippedBitAndTruncationIsNoticed) {
