@@ -4,6 +4,7 @@
 // is not on the daemon's machine in a fleet.
 
 #include <fcntl.h>
+#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <spawn.h>
 #include <sys/resource.h>
@@ -126,43 +127,112 @@ WireScan LidarScan(uint32_t index) {
   return Wire(index, scan, Pose::Identity());
 }
 
+// The messages of a scan but for its header, ready to be sent: what a robot does with its points is not on the daemon's
+// machine. `scan` outlives them.
+std::vector<grpc::ByteBuffer> Chunks(const WireScan& scan) {
+  std::vector<grpc::ByteBuffer> messages;
+  for (size_t at = 0; at < scan.bytes.size(); at += kChunk) {
+    const size_t size = std::min(kChunk, scan.bytes.size() - at);
+    std::string before(1, static_cast<char>(v1::UploadScansRequest::kChunkFieldNumber << 3 | 2));
+    for (size_t rest = size; rest > 0; rest >>= 7) {
+      before.push_back(static_cast<char>((rest & 0x7F) | (rest >= 0x80 ? 0x80 : 0)));
+    }
+    const std::array<grpc::Slice, 2> slices = {grpc::Slice(before),
+                                               grpc::Slice(scan.bytes.data() + at, size, grpc::Slice::STATIC_SLICE)};
+    messages.emplace_back(slices.data(), slices.size());
+  }
+  return messages;
+}
+
+grpc::ByteBuffer BufferOf(const v1::UploadScansRequest& message) {
+  const grpc::Slice slice(message.SerializeAsString());
+  return {&slice, 1};
+}
+
+// An upload by messages that are bytes already, in the calling thread.
+class RawUpload {
+ public:
+  explicit RawUpload(Robot& robot) : stub_(robot.channel()), context_(Robot::Call()) {
+    context_->set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(10));
+    call_ = stub_.PrepareCall(context_.get(), "/mapkeep.v1.SessionService/UploadScans", &queue_);
+    call_->StartCall(&written_);
+    AwaitWrite();
+    call_->Read(&answer_, &read_);
+  }
+
+  // False once the stream is broken.
+  bool Write(const grpc::ByteBuffer& message) {
+    call_->Write(message, &written_);
+    return AwaitWrite();
+  }
+
+  grpc::Status End() {
+    call_->WritesDone(&written_);
+    AwaitWrite();
+    while (reading_) Next();
+    grpc::Status status;
+    call_->Finish(&status, &written_);
+    AwaitWrite();
+    return status;
+  }
+
+ private:
+  bool AwaitWrite() {
+    writing_ = true;
+    while (writing_) Next();
+    return alive_;
+  }
+
+  void Next() {
+    void* tag = nullptr;
+    bool ok = false;
+    if (!queue_.Next(&tag, &ok)) std::abort();
+    if (tag == &written_) {
+      writing_ = false;
+      alive_ = ok;
+    } else if (ok) {
+      call_->Read(&answer_, &read_);
+    } else {
+      reading_ = false;
+    }
+  }
+
+  grpc::GenericStub stub_;
+  grpc::CompletionQueue queue_;
+  std::unique_ptr<grpc::ClientContext> context_;
+  std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
+  grpc::ByteBuffer answer_;
+  bool writing_ = false, reading_ = true, alive_ = true;
+  char written_ = 0, read_ = 0;  // their addresses are the tags
+};
+
 // Sends the same few scans over and over as one session, and waits until all are durable.
 void Upload(const std::string& address, const std::string& id, const std::vector<WireScan>& kinds, int count) {
   Robot robot(address);
   v1::BeginSessionRequest begin;
   begin.set_map("site");
   begin.set_id(id);
-  std::vector<WireScan> headers;
-  for (int i = 0; i < count; ++i) {
-    // A header of its own, with the checksum that its time and place give.
-    WireScan scan = kinds[i % kinds.size()];
-    begin.add_scan_crc32c(scan.header.crc32c());
-  }
+  for (int i = 0; i < count; ++i) begin.add_scan_crc32c(kinds[i % kinds.size()].header.crc32c());
   v1::BeginSessionResponse begun;
   Check(robot.sessions().BeginSession(Robot::Call().get(), begin, &begun), "BeginSession");
-  const auto call = Robot::Call();
-  call->set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(10));
-  const auto upload = robot.Open(*call, "site", id);
-  std::thread answers([&] {
-    v1::UploadScansResponse answer;
-    while (upload->Read(&answer)) continue;
-  });
-  for (int i = 0; i < count; ++i) {
-    const WireScan& scan = kinds[i % kinds.size()];
-    v1::UploadScansRequest message;
-    *message.mutable_scan() = scan.header;
+  std::vector<std::vector<grpc::ByteBuffer>> chunks;
+  for (const WireScan& kind : kinds) chunks.push_back(Chunks(kind));
+  RawUpload upload(robot);
+  v1::UploadScansRequest message;
+  message.mutable_open()->set_map("site");
+  message.mutable_open()->set_id(id);
+  bool alive = upload.Write(BufferOf(message));
+  for (int i = 0; alive && i < count; ++i) {
+    const size_t kind = static_cast<size_t>(i) % kinds.size();
+    *message.mutable_scan() = kinds[kind].header;
     message.mutable_scan()->set_index(static_cast<uint32_t>(i));
-    bool alive = upload->Write(message);
-    for (size_t at = 0; alive && at < scan.bytes.size(); at += kChunk) {
-      message.set_chunk(scan.bytes.data() + at, std::min(kChunk, scan.bytes.size() - at));
-      alive = upload->Write(message);
+    alive = upload.Write(BufferOf(message));
+    for (size_t k = 0; alive && k < chunks[kind].size(); ++k) {
+      alive = upload.Write(chunks[kind][k]);
       LetOthersRun();
     }
-    if (!alive) break;
   }
-  upload->WritesDone();
-  answers.join();
-  Check(upload->Finish(), "UploadScans");
+  Check(upload.End(), "UploadScans");
 }
 
 // How a tile is read: as robots do it, or block by block with all that the map has of it.
