@@ -120,7 +120,10 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       stands_.Add(point);
       if (taken.insert(cell).second) static_points_.push_back({point.cast<float>(), id});
       const auto known = objects.find(id);
-      if (known == objects.end() || !CanLeave(*known->second)) continue;
+      if (known == objects.end() || !CanLeave(*known->second)) {
+        lasting_.Add(point);
+        continue;
+      }
       auto& [points, cells] = of_object[id];
       if (cells.insert(cell).second) points.push_back(point.cast<float>());
     }
@@ -210,8 +213,17 @@ DayScore LifelongTruth::Score(const PointCells& map, const std::function<void(co
     (is_new ? score.just_arrived : score.statics).Add(there);
     if (!is_new) tell(point.position, point.id, JudgedAs::kStatic, there);
   }
-  // Where something stands today, the map has a right to a point.
-  const auto scored = [&](const Eigen::Vector3f& point) { return !stands_.HasNear(point.cast<double>()); };
+  // Where something stands, the map has a right to a point, whether anybody saw it today or not: the ground below the
+  // car that stands today where another stood yesterday.
+  PointCells remains;
+  for (const auto& [place, known] : known_) {
+    if (known.gone.has_value()) continue;
+    for (const Eigen::Vector3f& point : known.points) remains.Add(point.cast<double>());
+  }
+  const auto scored = [&](const Eigen::Vector3f& point) {
+    const Eigen::Vector3d at = point.cast<double>();
+    return !stands_.HasNear(at) && !lasting_.HasNear(at) && !remains.HasNear(at);
+  };
   for (const Point& point : moving_points_) {
     if (!scored(point.position)) continue;
     const bool right = !map.HasNear(point.position.cast<double>());

@@ -109,6 +109,7 @@ class LifelongTruth {
   int day_ = -1;
   std::vector<Beam> beams_, beams_yesterday_;  ///< one of kBeamStep
   PointCells stands_;                          ///< today's static points, all scans
+  PointCells lasting_;                         ///< all days' static points of what never leaves
   std::vector<Point> static_points_;           ///< thinned
   std::vector<Point> moving_points_;
   std::vector<Point> moved_yesterday_;
