@@ -52,7 +52,7 @@ std::vector<AblationStep> AblationSteps() {
   p.exposure.margin_by_range = 0;
   p.exposure.clear_around = 0;
   p.restore = p.verify_ankles = p.cluster = p.confirm = p.doubt = p.inherit = p.surround = false;
-  p.departures = p.drive_offs = false;
+  p.departures = p.drive_offs = p.transients = false;
   p.refine_poses = false;
   std::vector<AblationStep> steps;
   const auto add = [&](const char* name) { steps.push_back({name, p}); };
@@ -79,6 +79,8 @@ std::vector<AblationStep> AblationSteps() {
   add("+ inherit");
   p.departures = all.departures;
   add("+ departures");
+  p.transients = all.transients;
+  add("+ transients");
   p.surround = all.surround;
   add("+ surround");
   p.drive_offs = all.drive_offs;

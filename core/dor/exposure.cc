@@ -31,6 +31,7 @@ class ScanMarks {
     BrickBits shielded{};  // hit, or beside a hit: the scan does not expose it
     BrickBits exposed{};
     BrickBits confirmed{};  // of the exposed
+    BrickBits clear{};
   };
 
   explicit ScanMarks(size_t bricks) : of_brick_(bricks, kNoBrick) {}
@@ -143,6 +144,7 @@ class ScanCount {
 
  private:
   static constexpr size_t kBatch = 1024;  // voxels asked for at once
+  static constexpr int kSparse = 6;       // occupied sub-voxels, of 64
 
   std::array<float, 3> FromSensor(const VoxelIndex& corner) const {
     return {static_cast<float>(corner.x - from_.x()), static_cast<float>(corner.y - from_.y()),
@@ -209,11 +211,14 @@ class ScanCount {
       for (uint64_t rest = open; rest != 0; rest &= rest - 1) {
         const uint64_t bit = rest & -rest;
         const int at = std::countr_zero(rest);
-        scratch_.targets.Add(TargetOf(cube, at & 7, at >> 3, layer, grid_.IdInBrick(brick, layer, bit)));
+        const uint32_t id = grid_.IdInBrick(brick, layer, bit);
+        scratch_.targets.Add(TargetOf(cube, at & 7, at >> 3, layer, id), IsSparse(masks_[id]));
         scratch_.asked.push_back({brick, layer, bit});
       }
     }
   }
+
+  static bool IsSparse(uint64_t mask) { return mask != 0 && std::popcount(mask) <= kSparse; }
 
   void TakeAnswers(uint8_t wanted) {
     scratch_.bins.Look(scratch_.targets, clearance_, scratch_.seen);
@@ -224,6 +229,7 @@ class ScanCount {
       ScanMarks::Marks& marks = scratch_.Of(asked.brick);
       if ((seen & RayBins::kSeenThrough) != 0) marks.exposed[asked.layer] |= asked.bit;
       if ((seen & RayBins::kConfirmed) != 0) marks.confirmed[asked.layer] |= asked.bit;
+      if ((seen & RayBins::kClear) != 0) marks.clear[asked.layer] |= asked.bit;
     }
     scratch_.asked.clear();
     scratch_.targets.Clear();
@@ -267,6 +273,9 @@ void AddScan(const VoxelGrid& grid, const ScanMarks& scratch, VoxelCounts& count
         const uint32_t id = grid.IdInBrick(marks.brick, layer, rest & -rest);
         ++counts.confirmed[id];
         ++counts.confirmed_late[id];
+      }
+      for (uint64_t rest = marks.clear[layer]; rest != 0; rest &= rest - 1) {
+        ++counts.clear[grid.IdInBrick(marks.brick, layer, rest & -rest)];
       }
     }
   }
@@ -333,9 +342,10 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
   const VoxelGrid& grid = voxels.grid;
   const size_t size = grid.size();
   VoxelCounts counts{.ordered = voxels.ordered};
-  for (std::vector<uint32_t>* column : {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late,
-                                        &counts.first_hit, &counts.last_hit, &counts.free_until, &counts.free_from,
-                                        &counts.confirmed_early, &counts.confirmed_late, &counts.returns}) {
+  for (std::vector<uint32_t>* column :
+       {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late, &counts.first_hit,
+        &counts.last_hit, &counts.free_until, &counts.free_from, &counts.confirmed_early, &counts.confirmed_late,
+        &counts.clear, &counts.returns}) {
     column->resize(size);
   }
   std::vector<BoxCode> boxes(size);
@@ -354,9 +364,9 @@ absl::StatusOr<VoxelCounts> CountVoxels(const ScanSource& scans, std::span<const
     scan_count.MarkHits();
     if (parameters.engine == ExposureEngine::kRayWalk) {
       scan_count.WalkRays(*sensor);
-      if (parameters.clear_around > 0) scan_count.AskVoxels(RayBins::kConfirmed);
+      if (parameters.clear_around > 0) scan_count.AskVoxels(RayBins::kConfirmed | RayBins::kClear);
     } else {
-      scan_count.AskVoxels(RayBins::kSeenThrough | RayBins::kConfirmed);
+      scan_count.AskVoxels(RayBins::kSeenThrough | RayBins::kConfirmed | RayBins::kClear);
     }
     return absl::OkStatus();
   };

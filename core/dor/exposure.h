@@ -30,6 +30,9 @@ struct VoxelCounts {
   std::vector<uint32_t> hits;       ///< scans with a point in the voxel
   std::vector<uint32_t> exposures;  ///< scans that looked through it and had no point in it
   std::vector<uint32_t> confirmed;  ///< of those, the ones to which all around it was clear, too
+  /// Scans to which all around the voxel was clear, of two rows of rays at least, one of which passed the voxel:
+  /// through what of it the session hit, or, where that is little, anywhere.
+  std::vector<uint32_t> clear;
 
   // What the order of the scans adds. Scans are counted from 0 in the order of time.
   bool ordered = false;                   ///< false: the times are not known, and what follows means nothing

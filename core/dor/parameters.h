@@ -81,6 +81,11 @@ struct DorParameters {
   bool drive_offs = true;  ///< find what stood until something set out beside it, where nobody looked again
   int setting_out = 7;     ///< scans that it takes for its first two metres at least: what drives by is sooner gone
 
+  bool transients = true;         ///< find what was somewhere for a short while, where it was clear besides
+  double transient_reach = 0.5;   ///< metres around a voxel that are one place, 1.5 voxels at least
+  int transient_scans = 60;       ///< from the first to the last that hit anything there, at most
+  double transient_clear = 0.04;  ///< scans to which it was clear, for each of those and each voxel that was hit
+
   bool inherit = true;    ///< voxels with little evidence follow those around them
   int decided_scans = 8;  ///< H + E from which a voxel's own evidence decides
 

@@ -29,6 +29,7 @@ constexpr float kTiny = 1e-20F;
 constexpr size_t kLanes = RayTargets::kLanes;
 constexpr int kCoarse = 2;  // the level of cells in which wide windows are gone through
 constexpr int kCoarseBins = 1 << kCoarse;
+constexpr int kClearRows = 2;  // one row of rays may pass above or below what is there
 
 // By value and without branches, as lanes need it.
 MAPKEEP_INLINE float Lower(float a, float b) { return a < b ? a : b; }
@@ -215,21 +216,25 @@ struct RayBins::Kernels {
     return false;
   }
 
-  // Cells no larger than a quarter of the window: they cover little beside it.
-  MAPKEEP_INLINE bool IsClear(const RayBins& bins, const Window& window) {
+  // How many rows of cells with rays a window has, if none of the rays is too short; 0 if one is. Cells no larger than
+  // a quarter of the window: they cover little beside it.
+  MAPKEEP_INLINE int ClearRows(const RayBins& bins, const Window& window) {
     const auto extent = static_cast<uint32_t>(std::max(window.u1 - window.u0, window.v1 - window.v0));
     const size_t level = std::min(bins.levels_.size() - 1,
                                   static_cast<size_t>(std::max(0, static_cast<int>(std::bit_width(extent)) - 2)));
     const Level& cells = bins.levels_[level];
     const int shift = static_cast<int>(level);
     const int u0 = window.u0 >> shift, u1 = std::min(window.u1 >> shift, u0 + cells.u_mask);
-    float shortest = kNever;
-    for (int v = window.v0 >> shift; v <= std::min(window.v1 >> shift, cells.v_count - 1); ++v) {
+    const int v0 = window.v0 >> shift, v1 = std::min(window.v1 >> shift, cells.v_count - 1);
+    int rows = 0;
+    for (int v = v0; v <= v1; ++v) {
       const float* row = cells.shortest.data() + static_cast<size_t>(v) * (cells.u_mask + 1);
+      float shortest = kNever;
       for (int u = u0; u <= u1; ++u) shortest = std::min(shortest, row[u & cells.u_mask]);
-      if (shortest <= window.distance) return false;
+      if (shortest <= window.distance) return 0;
+      rows += shortest < kNever ? 1 : 0;
     }
-    return shortest < kNever;
+    return rows;
   }
 
   // One target among the rays.
@@ -303,6 +308,14 @@ struct RayBins::Kernels {
     return false;
   }
 
+  // Whether any ray passes a voxel, whatever of it is occupied.
+  static bool AnyRayInVoxel(const RayBins& bins, const Layout& layout, const std::array<float, 3>& corner) {
+    const Search search{
+        bins, {{corner[0], corner[1], corner[2]}, {corner[0] + 1, corner[1] + 1, corner[2] + 1}}, corner, kFullMask};
+    const Window window = WindowOf(layout, corner[0] + 0.5F, corner[1] + 0.5F, corner[2] + 0.5F, 0.7072F, 0.50001F);
+    return Reaches(bins, window) && AnyRay(search, window);
+  }
+
   MAPKEEP_INLINE void Look(const RayBins& bins, const RayTargets& targets, const Clearance& clearance, uint8_t* seen) {
     const Layout layout = bins.layout_;
     Windows windows, around;
@@ -320,9 +333,12 @@ struct RayBins::Kernels {
                              {group.high[0][lane], group.high[1][lane], group.high[2][lane]}},
                             {group.corner[0][lane], group.corner[1][lane], group.corner[2][lane]},
                             group.masks[lane]};
-        if (!AnyRay(search, window)) continue;
-        bits = kSeenThrough;
-        if (clearance.around > 0 && IsClear(bins, around.At(lane))) bits |= kConfirmed;
+        const bool seen_through = AnyRay(search, window);
+        if (seen_through) bits = kSeenThrough;
+        if (clearance.around <= 0 || !(seen_through || group.sparse[lane])) continue;
+        const int rows = ClearRows(bins, around.At(lane));
+        if (seen_through && rows > 0) bits |= kConfirmed;
+        if (rows >= kClearRows && (seen_through || AnyRayInVoxel(bins, layout, search.corner))) bits |= kClear;
       }
     }
   }

@@ -19,6 +19,7 @@ class RayTargets {
     alignas(32) float high[3][kLanes];
     alignas(32) float corner[3][kLanes];
     uint64_t masks[kLanes];
+    bool sparse[kLanes];
   };
 
   size_t size() const { return size_; }
@@ -26,7 +27,9 @@ class RayTargets {
   const std::vector<Group>& groups() const { return groups_; }
 
   void Clear() { size_ = 0; }
-  void Add(const RayTarget& target) {
+  /// `sparse`: the rays may well miss what of the voxel is occupied, so whether any passes the voxel itself counts,
+  /// too.
+  void Add(const RayTarget& target, bool sparse = false) {
     const size_t lane = size_ % kLanes;
     if (size_ / kLanes == groups_.size()) groups_.emplace_back();
     Group& group = groups_[size_++ / kLanes];
@@ -36,6 +39,7 @@ class RayTargets {
       group.corner[axis][lane] = target.corner[axis];
     }
     group.masks[lane] = target.mask;
+    group.sparse[lane] = sparse;
   }
 
  private:
@@ -71,6 +75,8 @@ class RayBins {
 
   static constexpr uint8_t kSeenThrough = 1;  ///< a ray passes the target: what SeesThrough says of any ray
   static constexpr uint8_t kConfirmed = 2;    ///< and all rays about the voxel lead far behind it
+  static constexpr uint8_t kClear =
+      4;  ///< likewise, by two rows of them, if a ray passes the target or, if it is sparse, its voxel
 
   /// What the rays say about each target, as bits.
   void Look(const RayTargets& targets, const Clearance& clearance, std::vector<uint8_t>& seen) const;

@@ -15,6 +15,7 @@
 #include "core/dor/restoration.h"
 #include "core/dor/surface.h"
 #include "core/dor/surroundings.h"
+#include "core/dor/transients.h"
 #include "core/voxels/block.h"
 
 namespace mapkeep {
@@ -237,6 +238,25 @@ void JudgeDepartures(const Scene& scene, const SessionVoxels& voxels, const Voxe
   }
 }
 
+// What was somewhere for a short while, where it was clear besides. Gives which voxels that are.
+std::vector<char> JudgeTransients(const Scene& scene, const VoxelGrid& grid, const VoxelCounts& counts,
+                                  const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
+  std::vector<char> is_part(verdicts.size()), candidates(verdicts.size());
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    is_part[id] = verdicts[id] != VoxelVerdict::kGround && scene.was_hit(id);
+    candidates[id] = verdicts[id] == VoxelVerdict::kStatic && scene.was_hit(id);
+  }
+  std::vector<char> found = FindTransients(grid, scene.indices(), counts, is_part, candidates,
+                                           {.voxel_size = parameters.voxel_size,
+                                            .reach = parameters.transient_reach,
+                                            .most_scans = parameters.transient_scans,
+                                            .clear_share = parameters.transient_clear});
+  for (uint32_t id = 0; id < verdicts.size(); ++id) {
+    if (found[id]) verdicts[id] = VoxelVerdict::kDynamic;
+  }
+  return found;
+}
+
 // A voxel that few scans saw says little: the far end of a car's way was there once and never seen through. If what was
 // decided around it is mostly dynamic, so is it.
 void Inherit(const Scene& scene, const DorParameters& parameters, std::vector<VoxelVerdict>& verdicts) {
@@ -358,10 +378,10 @@ void VerifyAnkles(const Scene& scene, const DorParameters& parameters, const std
   for (const auto& [id, height] : verdict.ankle_heights) verdict.voxels[id] = VoxelVerdict::kAnkle;
 }
 
-// Eq. 6.
-void FindIsolated(const Scene& scene, Verdict& verdict) {
+// Eq. 6. What was `transient` has other evidence than its R.
+void FindIsolated(const Scene& scene, std::span<const char> transient, Verdict& verdict) {
   for (uint32_t id = 0; id < scene.size(); ++id) {
-    if (verdict.voxels[id] != VoxelVerdict::kDynamic) continue;
+    if (verdict.voxels[id] != VoxelVerdict::kDynamic || transient[id]) continue;
     int dynamic = 0;
     scene.ForEachWithin(
         1, id, [&](uint32_t other, int, int, int) { dynamic += verdict.voxels[other] == VoxelVerdict::kDynamic; });
@@ -408,13 +428,17 @@ Verdict Judge(const SessionVoxels& voxels, const VoxelCounts& counts, std::span<
     Doubt(scene, *surroundings, parameters, verdict.voxels);
   }
   if (parameters.departures) JudgeDepartures(scene, voxels, counts, poses, parameters, verdict.voxels);
+  std::vector<char> transient(scene.size());
+  if (parameters.transients && parameters.exposure.clear_around > 0) {
+    transient = JudgeTransients(scene, voxels.grid, counts, parameters, verdict.voxels);
+  }
   if (parameters.inherit) Inherit(scene, parameters, verdict.voxels);
   if (parameters.surround) {
     JudgeSurrounded(scene, voxels, counts, surroundings ? &*surroundings : nullptr, parameters, verdict.voxels);
   }
   if (parameters.drive_offs) JudgeDriveOffs(scene, voxels, counts, parameters, verdict.voxels);
   if (parameters.verify_ankles) VerifyAnkles(scene, parameters, heights, verdict);
-  if (parameters.restore) FindIsolated(scene, verdict);
+  if (parameters.restore) FindIsolated(scene, transient, verdict);
   return verdict;
 }
 

@@ -171,6 +171,9 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   vary("vacated_confirmed", &DorParameters::vacated_confirmed);
   vary("departure_reach", &DorParameters::departure_reach);
   vary("setting_out", &DorParameters::setting_out);
+  vary("transient_reach", &DorParameters::transient_reach);
+  vary("transient_scans", &DorParameters::transient_scans);
+  vary("transient_clear", &DorParameters::transient_clear);
   vary("decided_scans", &DorParameters::decided_scans);
   vary("surrounded_share", &DorParameters::surrounded_share);
   vary("surrounded_time", &DorParameters::surrounded_time);
@@ -187,6 +190,7 @@ void PrintSensitivity(const Drive& drive, const ScanSource& source, const DorPar
   without("doubt", &DorParameters::doubt);
   without("departures", &DorParameters::departures);
   without("drive_offs", &DorParameters::drive_offs);
+  without("transients", &DorParameters::transients);
   without("inherit", &DorParameters::inherit);
   without("surround", &DorParameters::surround);
   without("verify_ankles", &DorParameters::verify_ankles);

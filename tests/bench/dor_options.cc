@@ -32,6 +32,10 @@ void AddDorOptions(CLI::App& app, DorParameters& p) {
   app.add_option("--doubt-voids", p.doubt_voids);
   app.add_option("--departures", p.departures);
   app.add_option("--drive-offs", p.drive_offs);
+  app.add_option("--transients", p.transients);
+  app.add_option("--transient-reach", p.transient_reach);
+  app.add_option("--transient-scans", p.transient_scans);
+  app.add_option("--transient-clear", p.transient_clear);
   app.add_option("--surround", p.surround);
   app.add_option("--inherit", p.inherit);
   app.add_option("--decided", p.decided_scans);

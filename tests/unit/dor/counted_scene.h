@@ -16,6 +16,7 @@ namespace mapkeep {
 struct Said {
   uint32_t hits = 0, exposures = 0, returns = 0, confirmed = 0;
   uint32_t first_hit = 0, last_hit = 0;  // scans
+  uint32_t clear = 0;
 };
 
 // Evidence voxel by voxel, as if a session had given it. Voxels are 0.2 m.
@@ -39,7 +40,7 @@ struct CountedScene {
     voxels.order.resize(kScans);
     for (auto* column : {&counts.hits, &counts.exposures, &counts.confirmed, &counts.early, &counts.late,
                          &counts.first_hit, &counts.last_hit, &counts.free_until, &counts.free_from,
-                         &counts.confirmed_early, &counts.confirmed_late, &counts.returns}) {
+                         &counts.confirmed_early, &counts.confirmed_late, &counts.clear, &counts.returns}) {
       column->resize(voxels.grid.size());
     }
     for (size_t i = 0; i < at_.size(); ++i) {
@@ -48,6 +49,7 @@ struct CountedScene {
       counts.exposures[id] = said_[i].exposures;
       counts.returns[id] = said_[i].returns;
       counts.confirmed[id] = said_[i].confirmed;
+      counts.clear[id] = said_[i].clear;
       counts.first_hit[id] = said_[i].first_hit;
       counts.last_hit[id] = said_[i].last_hit;
     }

@@ -54,9 +54,10 @@ double RemovedShare(const Session& session, const Box& box, const DorParameters&
   return removed / all;
 }
 
+// Nor what finds such things as well while they are few scans.
 DorParameters WithoutDepartures() {
   DorParameters parameters;
-  parameters.departures = false;
+  parameters.departures = parameters.transients = false;
   return parameters;
 }
 

@@ -32,9 +32,9 @@ RayTarget VoxelAt(int x, int y, int z, uint64_t mask = kFullMask) {
 
 // What the rays say of voxels whose middles are so many edges from the sensor.
 std::vector<uint8_t> LookAt(RayBins& bins, const std::vector<RayTarget>& voxels,
-                            const RayBins::Clearance& clearance = {}) {
+                            const RayBins::Clearance& clearance = {}, bool sparse = false) {
   RayTargets targets;
-  for (const RayTarget& voxel : voxels) targets.Add(voxel);
+  for (const RayTarget& voxel : voxels) targets.Add(voxel, sparse);
   std::vector<uint8_t> seen;
   bins.Look(targets, clearance, seen);
   return seen;
@@ -97,7 +97,7 @@ TEST(RayBins, AVoidIsConfirmedIfAllRaysAroundTheVoxelLeadOn) {
     bins.Build(FanAnd(others), 0.98F);
     return LookAt(bins, {VoxelAt(20, 0, 0)}, kClearance)[0];
   };
-  constexpr uint8_t kBoth = RayBins::kSeenThrough | RayBins::kConfirmed;
+  constexpr uint8_t kBoth = RayBins::kSeenThrough | RayBins::kConfirmed | RayBins::kClear;
   EXPECT_EQ(at({}), kBoth);
   EXPECT_EQ(at({{20, 1.2, 0}}), RayBins::kSeenThrough) << "a return beside the voxel";
   EXPECT_EQ(at({{18, 0, -1.1}}), RayBins::kSeenThrough) << "one before and below it";
@@ -107,6 +107,29 @@ TEST(RayBins, AVoidIsConfirmedIfAllRaysAroundTheVoxelLeadOn) {
   RayBins bins;
   bins.Build(FanAnd({}), 0.98F);
   EXPECT_EQ(LookAt(bins, {VoxelAt(20, 0, 0)})[0], RayBins::kSeenThrough) << "nobody asks";
+}
+
+TEST(RayBins, WhereLittleIsOccupiedAnyRayThroughTheVoxelFindsItClear) {
+  constexpr RayBins::Clearance kClearance{.around = 1, .behind = 2};
+  const std::vector<RayTarget> voxel = {VoxelAt(20, 0, 0, uint64_t{1} << 20)};  // a spot that the rays below miss
+  const auto rows = [](int first, int last) {
+    std::vector<Eigen::Vector3d> ends;
+    for (int z = first; z <= last; ++z) {
+      for (int y = -20; y <= 20; ++y) ends.emplace_back(40, y + 0.3, z + 0.3);
+    }
+    return ends;
+  };
+  const auto look = [&](std::vector<Eigen::Vector3d> ends, bool sparse) {
+    RayBins bins;
+    bins.Build(ColumnsOf(ends), 0.98F);
+    return LookAt(bins, voxel, kClearance, sparse)[0];
+  };
+  EXPECT_EQ(look(rows(-20, 20), true), RayBins::kClear);
+  EXPECT_EQ(look(rows(-20, 20), false), 0) << "no ray passed what is occupied";
+  EXPECT_EQ(look(rows(0, 0), true), 0) << "one row may pass above what is there";
+  std::vector<Eigen::Vector3d> beside = rows(-20, 20);
+  beside.emplace_back(20, 1.2, 0);
+  EXPECT_EQ(look(beside, true), 0) << "a return beside the voxel";
 }
 
 TEST(RayBins, AWallAlongTheRaysIsSeenThroughButNoVoid) {
