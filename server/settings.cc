@@ -424,6 +424,14 @@ std::vector<Setting> MakeSettings() {
               "Find what stood until something set out beside it, where nobody looked again"),
       Integer("clean.setting_out", MAPKEEP_FIELD(stages.clean.setting_out), 1, 1000000,
               "Scans that it takes for its first two metres at least"),
+      Boolean("clean.transients", MAPKEEP_FIELD(stages.clean.transients),
+              "Find what was somewhere for a short while, where it was clear besides"),
+      Number("clean.transient_reach", MAPKEEP_FIELD(stages.clean.transient_reach), 0, 2,
+             "Metres around a voxel that are one place, 1.5 voxels at least"),
+      Integer("clean.transient_scans", MAPKEEP_FIELD(stages.clean.transient_scans), 1, 1000000,
+              "From the first to the last scan that hit anything there, at most"),
+      Number("clean.transient_clear", MAPKEEP_FIELD(stages.clean.transient_clear), 0, 100,
+             "Scans to which it was clear, for each of those and each voxel that was hit"),
       Boolean("clean.inherit", MAPKEEP_FIELD(stages.clean.inherit),
               "Voxels with little evidence follow those around them"),
       Integer("clean.decided_scans", MAPKEEP_FIELD(stages.clean.decided_scans), 0, 1000000,
@@ -480,6 +488,8 @@ std::vector<Setting> MakeSettings() {
           "filter.probation_height", MAPKEEP_FIELD(stages.filter.probation_height), 0, 20,
           "Metres above ground that was known before, up to which what one session alone met, and that touches nothing "
           "known, waits for a second one; 0: nothing waits"),
+      Number("filter.probation_width", MAPKEEP_FIELD(stages.filter.probation_width), 0, 20,
+             "Metres across; of what would wait, what is wider does not; 0: however wide, it waits"),
   };
 }
 

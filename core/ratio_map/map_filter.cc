@@ -172,6 +172,63 @@ class Known {
 // Whether a voxel has to wait for a second session. Ground is where it is.
 bool MayBeNew(const Voxel& voxel) { return !voxel.ground && voxel.first_seen == voxel.last_seen; }
 
+// What one session alone met in the block and eight voxels around it, and how wide it is as far as it hangs together.
+class NewThings {
+ public:
+  explicit NewThings(const BlockNeighbourhood& blocks) : things_(static_cast<size_t>(kEdge) * kEdge * kEdge, kNone) {
+    std::vector<VoxelIndex> open;
+    ForEachWithin(blocks, kMargin, [&](const Voxel& voxel, const VoxelIndex& at, bool) {
+      if (!MayBeNew(voxel)) return;
+      things_[SlotOf(at)] = kUnknown;
+      open.push_back(at);
+    });
+    for (const VoxelIndex& at : open) {
+      if (things_[SlotOf(at)] == kUnknown) Follow(at);
+    }
+  }
+
+  // Voxels from one side to the other, the larger of x and y.
+  int WidthAt(const VoxelIndex& voxel) const { return widths_[static_cast<size_t>(things_[SlotOf(voxel)])]; }
+
+ private:
+  static constexpr int kEdge = kBlockSize + 2 * kMargin;
+  static constexpr int32_t kNone = -1, kUnknown = -2;
+
+  static size_t SlotOf(const VoxelIndex& at) {
+    return (static_cast<size_t>(at.z + kMargin) * kEdge + static_cast<size_t>(at.y + kMargin)) * kEdge +
+           static_cast<size_t>(at.x + kMargin);
+  }
+  static bool IsIn(int32_t c) { return c >= -kMargin && c < kBlockSize + kMargin; }
+
+  // Neighbours of neighbours hang together: a car far away is lines with gaps.
+  void Follow(const VoxelIndex& start) {
+    constexpr int kGap = 2;
+    const auto thing = static_cast<int32_t>(widths_.size());
+    VoxelIndex low = start, high = start;
+    std::vector<VoxelIndex> reached = {start};
+    things_[SlotOf(start)] = thing;
+    while (!reached.empty()) {
+      const VoxelIndex at = reached.back();
+      reached.pop_back();
+      low = {std::min(low.x, at.x), std::min(low.y, at.y), 0};
+      high = {std::max(high.x, at.x), std::max(high.y, at.y), 0};
+      for (int z = at.z - kGap; z <= at.z + kGap; ++z) {
+        for (int y = at.y - kGap; y <= at.y + kGap; ++y) {
+          for (int x = at.x - kGap; x <= at.x + kGap; ++x) {
+            if (!IsIn(x) || !IsIn(y) || !IsIn(z) || things_[SlotOf({x, y, z})] != kUnknown) continue;
+            things_[SlotOf({x, y, z})] = thing;
+            reached.push_back({x, y, z});
+          }
+        }
+      }
+    }
+    widths_.push_back(std::max(high.x - low.x, high.y - low.y) + 1);
+  }
+
+  std::vector<int32_t> things_;  // of each voxel
+  std::vector<int> widths_;      // of each thing
+};
+
 }  // namespace
 
 std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters) {
@@ -182,6 +239,12 @@ std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapF
   const Occupancy occupancy(blocks);
   std::optional<Known> known;
   if (parameters.probation_height > 0 && std::ranges::any_of(voxels, MayBeNew)) known.emplace(blocks, parameters);
+  std::optional<NewThings> things;
+  const auto is_narrow = [&](const VoxelIndex& at) {
+    if (parameters.probation_width <= 0) return true;
+    if (!things) things.emplace(blocks);
+    return things->WidthAt(at) * parameters.voxel_size <= parameters.probation_width + 1e-9;
+  };
   std::vector<MapVerdict> verdicts;
   verdicts.reserve(voxels.size());
   size_t next_candidate = 0;
@@ -189,7 +252,7 @@ std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapF
     const bool gone = IsCandidate(voxel, parameters) && dynamic[next_candidate++];
     const bool isolated = !voxel.ground && occupancy.NeighboursOf(at) < parameters.isolated_min_neighbours;
     const bool waits = known.has_value() && MayBeNew(voxel) && known->HasGroundBelow(at, voxel.first_seen) &&
-                       !known->HasNeighbour(at, voxel.first_seen);
+                       !known->HasNeighbour(at, voxel.first_seen) && is_narrow(at);
     verdicts.push_back(gone || isolated ? MapVerdict::kGone : waits ? MapVerdict::kNew : MapVerdict::kStatic);
   });
   return verdicts;

@@ -19,9 +19,12 @@ struct MapFilterParameters {
   double cluster_threshold = 0.3;     ///< tau_cluster of eq. 5: a cluster whose mean R is below it is not static
   int isolated_min_neighbours = 1;    ///< occupied 26-neighbours below which a voxel is isolated noise
   /// What one session alone has hit, at most this high above ground that was known before, and that touches nothing
-  /// that was, waits for a second session: that place had been seen free. Metres; 0: nothing waits, so that a car that
-  /// was parked today is in today's map, and so is a person who stood there all the time. 3 is a good height.
-  double probation_height = 0;
+  /// that was, waits for a second session: that place had been seen free. Metres; 0: nothing waits.
+  double probation_height = 3;
+  /// Of that, what is wider than this across the ground, as far as it hangs together, does not wait: a car is where it
+  /// was parked today, while a person who stood there all the time is not in the map. Metres, at most 8 voxels count;
+  /// 0: however wide, it waits.
+  double probation_width = 1.6;
 };
 
 /// What the map filter holds a voxel to be.

@@ -429,6 +429,8 @@ int Main(int count, char** arguments) {
   app.add_option("--probation", options.stages.filter.probation_height,
                  "Metres above known ground in which what is new waits for a second session; 0: nowhere")
       ->capture_default_str();
+  app.add_option("--probation-width", options.stages.filter.probation_width, "As filter.probation_width, metres")
+      ->capture_default_str();
   app.add_option("--cache", options.cache, "Directory that keeps the scans");
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");
   app.add_flag("--only-decay", options.only_decay, "Eq. 8 alone");

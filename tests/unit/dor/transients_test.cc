@@ -17,8 +17,8 @@ CountedScene Place(const std::function<Said(int at)>& said) {
   return scene;
 }
 
-// The rear of a lorry: each voxel is hit by one scan of ten, no ray comes close to the same spot again, but the place is
-// clear for the twenty scans after.
+// The rear of a lorry: each voxel is hit by one scan of ten, no ray comes close to the same spot again, but the place
+// is clear for the twenty scans after.
 Said Lorry(int at) {
   const auto scan = static_cast<uint32_t>(40 + at % 10);
   return {.hits = 1, .first_hit = scan, .last_hit = scan, .clear = 20};

@@ -144,7 +144,7 @@ TEST(MapFilter, AWallThatAFewRaysMissStays) {
   EXPECT_EQ(StaticCount(map, wall), 300);
 }
 
-constexpr MapFilterParameters kProbation{.probation_height = 3};
+constexpr MapFilterParameters kProbation{.probation_height = 3, .probation_width = 0};
 constexpr uint32_t kFirstDay = 1440, kSecondDay = 2880;
 
 Voxel SeenOn(uint32_t first, uint32_t last, bool ground = false) {
@@ -181,6 +181,19 @@ TEST(MapFilter, WhatStandsWhereGroundWasKnownWaitsForASecondSession) {
   EXPECT_EQ(StaticCount(map, person), 32);
 }
 
+TEST(MapFilter, ACarIsInTodaysMapWhileAPersonWaits) {
+  const auto person = Box({3, 3, 5}, {3, 3, 8}), car = Box({10, 3, 5}, {8, 16, 6});
+  const MapFilterParameters narrow{.probation_height = 3, .probation_width = 1.6};
+  Map map = Road();
+  for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  for (const VoxelIndex& at : car) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  map.FilterAll(narrow);
+  EXPECT_EQ(StaticCount(map, person), 0);
+  EXPECT_EQ(StaticCount(map, car), static_cast<int>(car.size()));
+  map.FilterAll(kProbation);
+  EXPECT_EQ(StaticCount(map, car), 0) << "however wide";
+}
+
 TEST(MapFilter, WhereNothingWasKnownWhatIsNewIsStaticAtOnce) {
   const auto beyond = Box({8, 21, 5}, {2, 2, 8});
   Map map = Road();
@@ -207,12 +220,14 @@ TEST(MapFilter, WhatHangsHighAboveKnownGroundIsStaticAtOnce) {
   EXPECT_EQ(StaticCount(map, sign), 16);
 }
 
-TEST(MapFilter, NothingWaitsUnlessItIsAskedFor) {
+TEST(MapFilter, NothingWaitsIfNobodyWantsIt) {
   const auto person = Box({8, 8, 5}, {2, 2, 8});
   Map map = Road();
   for (const VoxelIndex& at : person) map.Put(at, SeenOn(kSecondDay, kSecondDay));
-  map.FilterAll();
+  map.FilterAll({.probation_height = 0});
   EXPECT_EQ(StaticCount(map, person), 32);
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, person), 0) << "it stays anyway: the scene proves nothing";
 }
 
 TEST(MapFilter, GroundIsProtectedWhateverItsStability) {
