@@ -144,7 +144,7 @@ class ScanCount {
 
  private:
   static constexpr size_t kBatch = 1024;  // voxels asked for at once
-  static constexpr int kSparse = 6;       // occupied sub-voxels, of 64
+  static constexpr int kSparse = 3;       // occupied sub-voxels, of 64
 
   std::array<float, 3> FromSensor(const VoxelIndex& corner) const {
     return {static_cast<float>(corner.x - from_.x()), static_cast<float>(corner.y - from_.y()),
