@@ -12,7 +12,7 @@ import urllib.request
 
 import programs
 
-BUILD_TIMEOUT_S = 1500
+BUILD_TIMEOUT_S = 3000
 
 
 def chroot_is_refused():
