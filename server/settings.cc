@@ -471,6 +471,14 @@ std::vector<Setting> MakeSettings() {
              "forgotten with them; above 1: never"),
       Number("merge.contradiction_reach", MAPKEEP_FIELD(stages.merge.contradiction_reach), 0, 2,
              "Metres around it, 2.3 voxels at least"),
+      Number(
+          "merge.cohort_looked_through", MAPKEEP_FIELD(stages.merge.cohort_looked_through), 0, 2,
+          "Share of what one session was the first to see around a voxel that a later one has to look through for all "
+          "of that to be forgotten; above 1: never"),
+      Number("merge.cohort_met", MAPKEEP_FIELD(stages.merge.cohort_met), 0, 1,
+             "Share of it that the later session may meet at most"),
+      Number("merge.cohort_reach", MAPKEEP_FIELD(stages.merge.cohort_reach), 0, 6,
+             "Metres around it, in cells of half of that"),
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,
@@ -490,6 +498,12 @@ std::vector<Setting> MakeSettings() {
           "known, waits for a second one; 0: nothing waits"),
       Number("filter.probation_width", MAPKEEP_FIELD(stages.filter.probation_width), 0, 20,
              "Metres across; of what would wait, what is wider does not; 0: however wide, it waits"),
+      Integer("filter.probation_hits", MAPKEEP_FIELD(stages.filter.probation_hits), 0, 1000,
+              "Scans; what one session alone met in no more, and that touches nothing known, waits too, however wide"),
+      Number(
+          "filter.enclosure_reach", MAPKEEP_FIELD(stages.filter.enclosure_reach), 0, 6.4,
+          "Metres within which something newer stands on two of four sides of a voxel that no session has met since, "
+          "for it to be gone; 0: off"),
   };
 }
 

@@ -15,7 +15,7 @@ namespace mapkeep {
 struct ChangedObjectParameters {
   double gap = 0.4;           ///< metres between voxels that still belong together (the larger of this and one voxel)
   double least_area = 1.2;    ///< square metres of surface: changed voxels times their edge squared
-  double least_height = 0.4;  ///< metres between the lowest and the highest voxel
+  double least_height = 0.5;  ///< metres between the lowest and the highest voxel
   double most_contact = 0.4;  ///< share of voxels that touch what stands in both states, beyond which it is that
                               ///< structure seen better, or less well
   double column_height = 4;   ///< metres below a voxel within which known ground says that its place was in view

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 
+#include "core/ratio_map/neighbourhood.h"
+
 namespace mapkeep {
 namespace {
 
-constexpr int kCentre = 13;
 constexpr int kMinContradicted = 3;  // voxels
 
 enum class Said : uint8_t {
@@ -22,14 +23,13 @@ class Neighbourhood {
                 const MergeParameters& parameters)
       : margin_(margin), edge_(kBlockSize + 2 * margin), said_(static_cast<size_t>(edge_) * edge_ * edge_) {
     for (int i = 0; i < 27; ++i) {
-      const VoxelIndex shift{(i % 3 - 1) * kBlockSize, (i / 3 % 3 - 1) * kBlockSize, (i / 9 - 1) * kBlockSize};
       if (map[i] != nullptr) {
         for (const Voxel& voxel : map[i]->voxels) {
-          if (!voxel.ground) Set(At(voxel.position, shift), Said::kLittle);
+          if (!voxel.ground) Set(IndexIn(voxel.position, i), Said::kLittle);
         }
       }
       for (const SessionVoxel& voxel : session[i]) {
-        const VoxelIndex at = At(PositionInBlock(voxel.key), shift);
+        const VoxelIndex at = IndexIn(PositionInBlock(voxel.key), i);
         if (voxel.ground && voxel.hits > 0) {
           Set(at, Said::kNothing);
         } else if (IsContradicted(voxel, parameters)) {
@@ -41,18 +41,11 @@ class Neighbourhood {
     }
   }
 
-  static VoxelIndex At(uint16_t position, const VoxelIndex& shift = {}) {
-    constexpr int kMask = kBlockSize - 1;
-    return {shift.x + (position & kMask), shift.y + (position >> kBlockBits & kMask),
-            shift.z + (position >> (2 * kBlockBits))};
-  }
-
   Said Of(const VoxelIndex& at) const { return said_[SlotOf(at)]; }
 
  private:
   bool IsInside(const VoxelIndex& at) const {
-    const auto inside = [this](int32_t c) { return c >= -margin_ && c < kBlockSize + margin_; };
-    return inside(at.x) && inside(at.y) && inside(at.z);
+    return IsWithin(at.x, margin_) && IsWithin(at.y, margin_) && IsWithin(at.z, margin_);
   }
   void Set(const VoxelIndex& at, Said said) {
     if (IsInside(at)) said_[SlotOf(at)] = said;
@@ -82,7 +75,7 @@ std::vector<uint16_t> ForgottenWithOthers(const BlockNeighbourhood& map, const S
   const Neighbourhood around(map, session, margin, parameters);
   std::vector<uint16_t> forgotten;
   for (const Voxel& voxel : map[kCentre]->voxels) {
-    const VoxelIndex at = Neighbourhood::At(voxel.position);
+    const VoxelIndex at = IndexIn(voxel.position);
     if (around.Of(at) != Said::kLittle) continue;
     int all = 0, contradicted = 0;
     for (int dz = -margin; dz <= margin; ++dz) {

@@ -19,12 +19,19 @@ struct MapFilterParameters {
   double cluster_threshold = 0.3;     ///< tau_cluster of eq. 5: a cluster whose mean R is below it is not static
   int isolated_min_neighbours = 1;    ///< occupied 26-neighbours below which a voxel is isolated noise
   /// What one session alone has hit, at most this high above ground that was known before, and that touches nothing
-  /// that was, waits for a second session: that place had been seen free. Metres; 0: nothing waits.
+  /// that was, waits for a second session: that place had been seen free. Metres; 0: nothing waits, whatever the rules
+  /// of core/ratio_map/probation.
   double probation_height = 3;
   /// Of that, what is wider than this across the ground, as far as it hangs together, does not wait: a car is where it
-  /// was parked today, while a person who stood there all the time is not in the map. Metres, at most 8 voxels count;
-  /// 0: however wide, it waits.
-  double probation_width = 1.6;
+  /// was parked today, while a person who stood there all the time is not in the map. Metres, at most 12 voxels outside
+  /// a block count; 0: however wide, it waits.
+  double probation_width = 2.4;
+  /// What one session alone has met in at most so many scans, and that touches nothing that was known, waits too,
+  /// however wide, where the map knew anything near.
+  int probation_hits = 3;
+  /// What stands within so many metres on two of four sides of a voxel that no session has met since: the voxel is
+  /// inside something newer, and gone. 0: nothing is.
+  double enclosure_reach = 2.4;
 };
 
 /// What the map filter holds a voxel to be.

@@ -21,6 +21,11 @@ struct MergeParameters {
   double contradicted_alpha = 0;
   double contradicted_share = 0.6;    ///< of the voxels around one that says nothing, for it to be forgotten with them
   double contradiction_reach = 0.46;  ///< metres around it, 2.3 voxels at least
+  /// Share of what one session was the first to see around a voxel that a later one has to look through for all of that
+  /// to be forgotten, what no ray passes too (core/ratio_map/cohorts); above 1: never.
+  double cohort_looked_through = 0.05;
+  double cohort_met = 0.15;   ///< share of it that it may meet at most: another car stands there
+  double cohort_reach = 1.6;  ///< metres around it, in cells of half of that
 };
 
 /// Whether the session looked through the voxel and met nothing there that stays: what removal took is gone as well.

@@ -1,11 +1,14 @@
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <memory>
 #include <numeric>
 #include <utility>
 
 #include "core/dor/exposure.h"
-#include "core/ratio_map/contradiction.h"
+#include "core/ratio_map/forgetting.h"
 #include "core/ratio_map/merge.h"
 #include "server/pipeline/parallel.h"
 #include "server/pipeline/stages.h"
@@ -120,28 +123,41 @@ void ForEachAround(BlockKey block, const Visit& visit) {
   }
 }
 
+// Calls visit(i, index of the touch) for the block and its neighbours that are touched.
+template <typename Visit>
+void ForEachTouchAround(std::span<const Touch> touched, BlockKey block, const Visit& visit) {
+  ForEachAround(block, [&](size_t i, BlockKey key) {
+    const auto found = std::ranges::lower_bound(touched, key, {}, &Touch::key);
+    if (found != touched.end() && found->key == key) visit(i, static_cast<size_t>(found - touched.begin()));
+  });
+}
+
 BlockNeighbourhood BlocksAround(const BlockTable& table, BlockKey block) {
   BlockNeighbourhood around{};
   ForEachAround(block, [&](size_t i, BlockKey key) { around[i] = table.Find(key); });
   return around;
 }
 
-// The map's block without what is forgotten with what the session contradicts around it.
-Block Remembered(const BlockTable& table, std::span<const Touch> touched, BlockKey key, double voxel_size,
-                 const MergeParameters& parameters) {
-  const Block* old = table.Find(key);
-  if (old == nullptr) return {.key = key};
-  SessionNeighbourhood session;
-  ForEachAround(key, [&](size_t i, BlockKey neighbour) {
-    const auto found = std::ranges::lower_bound(touched, neighbour, {}, &Touch::key);
-    if (found != touched.end() && found->key == neighbour) session[i] = found->voxels;
+// What the session says has left each touched block, in their order.
+std::vector<Departed> DepartedFromAll(const BlockTable& table, std::span<const Touch> touched, double voxel_size,
+                                      const MergeParameters& parameters) {
+  std::vector<Departed> departed(touched.size());
+  tbb::parallel_for(size_t{0}, touched.size(), [&](size_t i) {
+    SessionNeighbourhood session;
+    ForEachTouchAround(touched, touched[i].key, [&](size_t n, size_t at) { session[n] = touched[at].voxels; });
+    departed[i] = DepartedFrom(BlocksAround(table, touched[i].key), session, voxel_size, parameters);
   });
-  const std::vector<uint16_t> forgotten =
-      ForgottenWithOthers(BlocksAround(table, key), session, voxel_size, parameters);
-  Block remembered = *old;
-  std::erase_if(remembered.voxels,
-                [&](const Voxel& voxel) { return std::ranges::binary_search(forgotten, voxel.position); });
-  return remembered;
+  return departed;
+}
+
+// A touched block of the map as eq. 9 may take it.
+Block RememberedOf(const BlockTable& table, std::span<const Touch> touched, std::span<const Departed> departed,
+                   const Touch& touch) {
+  const Block* const old = table.Find(touch.key);
+  if (old == nullptr) return {.key = touch.key};
+  std::array<const Departed*, 27> around{};
+  ForEachTouchAround(touched, touch.key, [&](size_t n, size_t at) { around[n] = &departed[at]; });
+  return Remembered(*old, around, touch.voxels);
 }
 
 // The block with its verdicts renewed.
@@ -179,9 +195,10 @@ absl::StatusOr<MergeResult> MergeIntoMap(const Snapshot& head, const MergeInput&
   const BlockTable before = *table;
   if (progress && !progress(0.2)) return absl::CancelledError("stopped before the merge");
 
+  const std::vector<Departed> departed = DepartedFromAll(before, touched, input.session.voxel_size, merge);
   std::vector<Block> merged(touched.size());
   const absl::Status merging = ParallelFor(touched.size(), [&](size_t i) {
-    const Block old = Remembered(before, touched, touched[i].key, input.session.voxel_size, merge);
+    const Block old = RememberedOf(before, touched, departed, touched[i]);
     merged[i] = MergeBlock(old, touched[i].voxels, input.session, merge);
     return absl::OkStatus();
   });

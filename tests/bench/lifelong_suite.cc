@@ -92,7 +92,7 @@ struct Variant {
 std::vector<Variant> Variants(const Options& options) {
   std::vector<Variant> variants = {{"eq. 8", options.stages.merge}};
   if (options.only_decay) return variants;
-  variants.push_back({"no decay", {.alpha_min = 1, .alpha_max = 1}});
+  variants.push_back({"no decay", {.alpha_min = 1, .alpha_max = 1, .contradicting_scans = 0}});
   variants.push_back({"last session", {.alpha_min = 0, .alpha_max = 0}});
   return variants;
 }
@@ -431,6 +431,13 @@ int Main(int count, char** arguments) {
       ->capture_default_str();
   app.add_option("--probation-width", options.stages.filter.probation_width, "As filter.probation_width, metres")
       ->capture_default_str();
+  app.add_option("--probation-hits", options.stages.filter.probation_hits, "As filter.probation_hits, scans; 0: off")
+      ->capture_default_str();
+  app.add_option("--enclosure", options.stages.filter.enclosure_reach, "As filter.enclosure_reach, metres; 0: off")
+      ->capture_default_str();
+  app.add_option("--cohort", options.stages.merge.cohort_looked_through, "As merge.cohort_looked_through; above 1: off")
+      ->capture_default_str();
+  app.add_option("--cohort-met", options.stages.merge.cohort_met, "As merge.cohort_met")->capture_default_str();
   app.add_option("--cache", options.cache, "Directory that keeps the scans");
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");
   app.add_flag("--only-decay", options.only_decay, "Eq. 8 alone");

@@ -5,15 +5,21 @@
 
 #include <tbb/parallel_for.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <chrono>
 #include <cstdio>
 #include <map>
 #include <numeric>
 #include <set>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "core/dor/remover.h"
+#include "core/ratio_map/forgetting.h"
 #include "core/ratio_map/map_filter.h"
 #include "core/ratio_map/merge.h"
 #include "core/ratio_map/session_map.h"
@@ -23,6 +29,11 @@ namespace mapkeep {
 namespace {
 
 using BlockMap = std::map<BlockKey, Block>;
+
+struct Rules {
+  MergeParameters merge;
+  MapFilterParameters filter;
+};
 
 class Stopwatch {
  public:
@@ -46,21 +57,48 @@ std::vector<VoxelKey> KeysOf(const BlockMap& map) {
   return keys;
 }
 
-std::set<BlockKey> Merge(BlockMap& map, const SessionMap& session) {
-  std::set<BlockKey> touched;
+// Calls visit(n, entry) for what a table has of a block and its neighbours.
+template <typename Table, typename Visit>
+void ForEachAround(const Table& table, BlockKey key, const Visit& visit) {
+  const auto around = NeighbourhoodOf(BlockIndexOf(key));
+  for (int n = 0; n < 27; ++n) {
+    if (const auto found = table.find(BlockKeyOf(around[n])); found != table.end()) visit(n, found->second);
+  }
+}
+
+BlockNeighbourhood BlocksAround(const BlockMap& map, BlockKey key) {
+  BlockNeighbourhood blocks{};
+  ForEachAround(map, key, [&](int n, const Block& block) { blocks[n] = &block; });
+  return blocks;
+}
+
+std::set<BlockKey> Merge(BlockMap& map, const SessionMap& session, const MergeParameters& parameters) {
+  std::map<BlockKey, std::span<const SessionVoxel>> of_block;
   for (auto begin = session.voxels.begin(); begin != session.voxels.end();) {
     const BlockKey key = BlockKeyOf(begin->key);
     const auto end = std::find_if(begin, session.voxels.end(),
                                   [key](const SessionVoxel& voxel) { return BlockKeyOf(voxel.key) != key; });
-    Block& block = map.try_emplace(key, Block{.key = key}).first->second;
-    block = MergeBlock(block, {begin, end}, session, {});
-    touched.insert(key);
+    of_block[key] = {begin, end};
     begin = end;
+  }
+  std::map<BlockKey, Departed> departed;
+  for (const auto& [key, voxels] : of_block) {
+    SessionNeighbourhood around;
+    ForEachAround(of_block, key, [&](int n, std::span<const SessionVoxel> of) { around[n] = of; });
+    departed[key] = DepartedFrom(BlocksAround(map, key), around, session.voxel_size, parameters);
+  }
+  std::set<BlockKey> touched;
+  for (const auto& [key, voxels] : of_block) {
+    std::array<const Departed*, 27> around{};
+    ForEachAround(departed, key, [&](int n, const Departed& of) { around[n] = &of; });
+    Block& block = map.try_emplace(key, Block{.key = key}).first->second;
+    block = MergeBlock(Remembered(block, around, voxels), voxels, session, parameters);
+    touched.insert(key);
   }
   return touched;
 }
 
-size_t Filter(BlockMap& map, const std::set<BlockKey>& touched) {
+size_t Filter(BlockMap& map, const std::set<BlockKey>& touched, const MapFilterParameters& parameters) {
   std::set<BlockKey> affected;
   for (const BlockKey key : touched) {
     for (const VoxelIndex& at : NeighbourhoodOf(BlockIndexOf(key))) {
@@ -69,15 +107,8 @@ size_t Filter(BlockMap& map, const std::set<BlockKey>& touched) {
   }
   const std::vector<BlockKey> keys(affected.begin(), affected.end());
   std::vector<std::vector<MapVerdict>> verdicts(keys.size());
-  tbb::parallel_for(size_t{0}, keys.size(), [&](size_t i) {
-    BlockNeighbourhood blocks{};
-    const auto around = NeighbourhoodOf(BlockIndexOf(keys[i]));
-    for (int n = 0; n < 27; ++n) {
-      const auto found = map.find(BlockKeyOf(around[n]));
-      if (found != map.end()) blocks[n] = &found->second;
-    }
-    verdicts[i] = FilterBlock(blocks, {});
-  });
+  tbb::parallel_for(size_t{0}, keys.size(),
+                    [&](size_t i) { verdicts[i] = FilterBlock(BlocksAround(map, keys[i]), parameters); });
   for (size_t i = 0; i < keys.size(); ++i) {
     Block& block = map.at(keys[i]);
     for (size_t v = 0; v < block.voxels.size(); ++v) block.voxels[v].is_static = verdicts[i][v] == MapVerdict::kStatic;
@@ -110,7 +141,8 @@ int Fail(const absl::Status& status) {
 }
 
 // `day` is when the session began.
-int AddSession(const KittiDirectory& directory, size_t first, size_t last, uint32_t day, BlockMap& map) {
+int AddSession(const KittiDirectory& directory, size_t first, size_t last, uint32_t day, const Rules& rules,
+               BlockMap& map) {
   std::vector<size_t> frames(last - first + 1);
   std::iota(frames.begin(), frames.end(), first);
   const ScanSource scans = directory.Source(frames);
@@ -124,9 +156,9 @@ int AddSession(const KittiDirectory& directory, size_t first, size_t last, uint3
                       removal->evidence(), 1440 * day, {});
   if (!session.ok()) return Fail(session.status());
   const double build = watch.Lap();
-  const auto touched = Merge(map, *session);
+  const auto touched = Merge(map, *session, rules.merge);
   const double merge = watch.Lap();
-  const size_t filtered = Filter(map, touched);
+  const size_t filtered = Filter(map, touched, rules.filter);
   std::printf(
       "frames %zu to %zu: remove %.2f s, session map %.2f s, merge %.3f s, filter %.3f s (%zu blocks), N_max %.0f\n",
       first, last, remove, build, merge, watch.Lap(), filtered, session->n_max);
@@ -134,23 +166,35 @@ int AddSession(const KittiDirectory& directory, size_t first, size_t last, uint3
 }
 
 int Run(int count, char** arguments) {
-  if (count < 3) {
-    std::fprintf(stderr, "usage: map_bench KITTI_DIR OUT.bin [FIRST:LAST ...]\n");
-    return 2;
-  }
-  const KittiDirectory directory(arguments[1]);
+  CLI::App app("Makes a map of a drive, in one session or several");
+  std::string in, out;
+  std::vector<std::string> ranges;
+  Rules rules;
+  app.add_option("KITTI_DIR", in)->required();
+  app.add_option("OUT.bin", out, "Static points; OUT.bin.all.bin gets all of them")->required();
+  app.add_option("FIRST:LAST", ranges, "Frames of each session; none: one session of all frames");
+  app.add_option("--probation", rules.filter.probation_height, "As filter.probation_height, metres; 0: nothing waits")
+      ->capture_default_str();
+  app.add_option("--probation-hits", rules.filter.probation_hits, "As filter.probation_hits")->capture_default_str();
+  app.add_option("--enclosure", rules.filter.enclosure_reach, "As filter.enclosure_reach, metres; 0: off")
+      ->capture_default_str();
+  app.add_option("--cohort", rules.merge.cohort_looked_through, "As merge.cohort_looked_through; above 1: off")
+      ->capture_default_str();
+  CLI11_PARSE(app, count, arguments);
+  const KittiDirectory directory(in);
   BlockMap map;
-  if (count == 3 && AddSession(directory, 0, directory.poses.size() - 1, 0, map) != 0) return 1;
-  for (int i = 3; i < count; ++i) {
+  if (ranges.empty() && AddSession(directory, 0, directory.poses.size() - 1, 0, rules, map) != 0) return 1;
+  uint32_t day = 0;
+  for (const std::string& range : ranges) {
     size_t first = 0, last = 0;
-    if (std::sscanf(arguments[i], "%zu:%zu", &first, &last) != 2 || last < first || last >= directory.poses.size()) {
-      std::fprintf(stderr, "%s: expected FIRST:LAST within 0:%zu\n", arguments[i], directory.poses.size() - 1);
+    if (std::sscanf(range.c_str(), "%zu:%zu", &first, &last) != 2 || last < first || last >= directory.poses.size()) {
+      std::fprintf(stderr, "%s: expected FIRST:LAST within 0:%zu\n", range.c_str(), directory.poses.size() - 1);
       return 2;
     }
-    if (AddSession(directory, first, last, static_cast<uint32_t>(i), map) != 0) return 1;
+    if (AddSession(directory, first, last, ++day, rules, map) != 0) return 1;
   }
-  Write(map, 0.2, false, arguments[2]);
-  Write(map, 0.2, true, std::string(arguments[2]) + ".all.bin");
+  Write(map, 0.2, false, out);
+  Write(map, 0.2, true, out + ".all.bin");
   return 0;
 }
 

@@ -2,44 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <map>
+#include "tests/unit/ratio_map/neighbourhood_scene.h"
 
 namespace mapkeep {
 namespace {
 
-// A map and a session voxel by voxel; 0.2 m.
-class Scene {
+class Scene : public NeighbourhoodScene {
  public:
-  void InMap(const VoxelIndex& at, bool ground = false) {
-    const BlockKey key = BlockKeyOf(BlockOf(at));
-    Block& block = map_.try_emplace(key, Block{.key = key}).first->second;
-    block.voxels.push_back({.position = PositionInBlock(at), .hits = 400, .ground = ground});
-    std::ranges::sort(block.voxels, {}, &Voxel::position);
-  }
-
-  void InSession(const VoxelIndex& at, uint32_t hits, uint32_t exposures) {
-    std::vector<SessionVoxel>& voxels = session_[BlockKeyOf(BlockOf(at))];
-    voxels.push_back({.key = VoxelKeyOf(at), .hits = hits, .exposures = exposures});
-    std::ranges::sort(voxels, {}, &SessionVoxel::key);
-  }
-
-  // Whether the voxel of the map is forgotten with others.
   bool Forgets(const VoxelIndex& at, const MergeParameters& parameters = {}) const {
-    BlockNeighbourhood map{};
-    SessionNeighbourhood session;
-    const auto around = NeighbourhoodOf(BlockOf(at));
-    for (size_t i = 0; i < around.size(); ++i) {
-      const BlockKey key = BlockKeyOf(around[i]);
-      if (const auto found = map_.find(key); found != map_.end()) map[i] = &found->second;
-      if (const auto found = session_.find(key); found != session_.end()) session[i] = found->second;
-    }
-    return std::ranges::binary_search(ForgottenWithOthers(map, session, 0.2, parameters), PositionInBlock(at));
+    return NeighbourhoodScene::Forgets(ForgottenWithOthers, at, parameters);
   }
-
- private:
-  std::map<BlockKey, Block> map_;
-  std::map<BlockKey, std::vector<SessionVoxel>> session_;
 };
 
 // A car of 3 x 3 x 3 voxels from `corner`; the session looked through all of it but the one in the middle.

@@ -194,6 +194,59 @@ TEST(MapFilter, ACarIsInTodaysMapWhileAPersonWaits) {
   EXPECT_EQ(StaticCount(map, car), 0) << "however wide";
 }
 
+TEST(MapFilter, WhatFewScansMetWaitsWhereTheMapKnewAnythingNear) {
+  const auto near = Box({2, 28, 5}, {16, 2, 4}), far = Box({2, 64, 5}, {16, 2, 4});
+  const auto filtered = [&](int scans) {
+    Map map = Road();
+    for (const auto& lorry : {near, far}) {
+      for (const VoxelIndex& at : lorry) {
+        Voxel voxel = SeenOn(kSecondDay, kSecondDay);
+        voxel.hits = static_cast<uint16_t>(scans * kCountScale);
+        map.Put(at, voxel);
+      }
+    }
+    map.FilterAll();
+    return map;
+  };
+  EXPECT_EQ(StaticCount(filtered(3), near), 0) << "behind the wall, where no ground was known";
+  EXPECT_EQ(StaticCount(filtered(4), near), 128);
+  EXPECT_EQ(StaticCount(filtered(3), far), 128) << "7 m beyond the map";
+}
+
+TEST(MapFilter, GroundOnTopOfKnownGroundWaits) {
+  const auto wheel = Box({8, 8, 5}, {2, 1, 1}), beyond = Box({8, 22, 5}, {2, 1, 1});
+  Map map = Road();
+  for (const VoxelIndex& at : wheel) map.Put(at, SeenOn(kSecondDay, kSecondDay, true));
+  for (const VoxelIndex& at : beyond) map.Put(at, SeenOn(kSecondDay, kSecondDay, true));
+  map.FilterAll();
+  EXPECT_EQ(NewCount(map, wheel), 2);
+  EXPECT_EQ(StaticCount(map, beyond), 2) << "on ground that is as new";
+  for (const VoxelIndex& at : wheel) map.Put(at, SeenOn(kSecondDay, kSecondDay + 1440, true));
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, wheel), 2);
+}
+
+TEST(MapFilter, WhatIsInsideANewerThingIsGoneUntilItIsMetAgain) {
+  // A car of the second day, of which one side, the front and the rear were seen; behind the side, what an earlier car
+  // left, and before it a post.
+  const auto side = Box({4, 6, 5}, {14, 1, 4}), front = Box({4, 7, 5}, {1, 6, 4}), rear = Box({17, 7, 5}, {1, 6, 4});
+  const auto old = Box({9, 9, 6}, {3, 2, 2}), post = Box({10, 3, 5}, {1, 1, 8});
+  const auto filtered = [&](uint32_t old_last_seen, const MapFilterParameters& parameters = kDefaults) {
+    Map map = Road();
+    for (const auto& part : {side, front, rear}) {
+      for (const VoxelIndex& at : part) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+    }
+    for (const VoxelIndex& at : old) map.Put(at, SeenOn(kFirstDay, old_last_seen));
+    for (const VoxelIndex& at : post) map.Put(at, SeenOn(kFirstDay, kFirstDay));
+    map.FilterAll(parameters);
+    return map;
+  };
+  EXPECT_EQ(StaticCount(filtered(kFirstDay), old), 0);
+  EXPECT_EQ(StaticCount(filtered(kFirstDay), post), 8) << "the car is on one side of it";
+  EXPECT_EQ(StaticCount(filtered(kSecondDay), old), 12) << "met since the car came";
+  EXPECT_EQ(StaticCount(filtered(kFirstDay, {.enclosure_reach = 0}), old), 12) << "switched off";
+}
+
 TEST(MapFilter, WhereNothingWasKnownWhatIsNewIsStaticAtOnce) {
   const auto beyond = Box({8, 21, 5}, {2, 2, 8});
   Map map = Road();
