@@ -499,7 +499,9 @@ std::vector<Setting> MakeSettings() {
       Number("filter.probation_width", MAPKEEP_FIELD(stages.filter.probation_width), 0, 20,
              "Metres across; of what would wait, what is wider does not; 0: however wide, it waits"),
       Integer("filter.probation_hits", MAPKEEP_FIELD(stages.filter.probation_hits), 0, 1000,
-              "Scans; what one session alone met in no more, and that touches nothing known, waits too, however wide"),
+              "Scans; what one session alone met in no more, and that touches neither what was known nor what twice as "
+              "many "
+              "met, waits too, however wide; 0: none does"),
       Number(
           "filter.enclosure_reach", MAPKEEP_FIELD(stages.filter.enclosure_reach), 0, 6.4,
           "Metres within which something newer stands on two of four sides of a voxel that no session has met since, "

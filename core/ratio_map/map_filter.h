@@ -26,9 +26,9 @@ struct MapFilterParameters {
   /// was parked today, while a person who stood there all the time is not in the map. Metres, at most 12 voxels outside
   /// a block count; 0: however wide, it waits.
   double probation_width = 2.4;
-  /// What one session alone has met in at most so many scans, and that touches nothing that was known, waits too,
-  /// however wide, where the map knew anything near.
-  int probation_hits = 3;
+  /// What one session alone has met in at most so many scans, and that touches neither what was known nor what twice as
+  /// many met, waits too, however wide, where the map knew anything near. 0: none does.
+  int probation_hits = 1;
   /// What stands within so many metres on two of four sides of a voxel that no session has met since: the voxel is
   /// inside something newer, and gone. 0: nothing is.
   double enclosure_reach = 2.4;

@@ -32,6 +32,7 @@ class Known {
       : depth_(std::max(VoxelsOf(parameters.probation_height, parameters), VoxelsOf(kKerb, parameters))),
         ground_(static_cast<size_t>(kBlockSize) * kBlockSize * (kBlockSize + depth_), kNever),
         standing_(static_cast<size_t>(kEdge) * kEdge * kEdge, kNever),
+        firm_(standing_.size()),
         cells_(static_cast<size_t>(kCells) * kCells * kCells, kNever) {
     ForEachWithin(blocks, std::max(kStanding, depth_), [&](const Voxel& voxel, const VoxelIndex& at, bool) {
       if (IsWithin(at.x, kMargin) && IsWithin(at.y, kMargin) && IsWithin(at.z, kMargin)) {
@@ -46,6 +47,7 @@ class Known {
                  Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta) >=
                      parameters.stability_threshold) {
         standing_[StandingSlot(at)] = voxel.first_seen;
+        firm_[StandingSlot(at)] = voxel.hits >= 2 * parameters.probation_hits * kCountScale;
       }
     });
   }
@@ -61,6 +63,11 @@ class Known {
   // Whether a neighbour was known before `time`: then the voxel is more of that.
   bool HasNeighbour(const VoxelIndex& voxel, uint32_t time) const {
     return AnyAround(voxel, [&](const VoxelIndex& at) { return standing_[StandingSlot(at)] < time; });
+  }
+
+  // Whether a neighbour, however new, was met by twice as many scans as what waits for its few: it is more of that.
+  bool HasFirmNeighbour(const VoxelIndex& voxel) const {
+    return AnyAround(voxel, [&](const VoxelIndex& at) { return firm_[StandingSlot(at)]; });
   }
 
   // Whether anything near was known before `time`: the map reached this far.
@@ -101,7 +108,9 @@ class Known {
   }
 
   const int depth_;
-  std::vector<uint32_t> ground_, standing_, cells_;
+  std::vector<uint32_t> ground_, standing_;
+  std::vector<bool> firm_;
+  std::vector<uint32_t> cells_;
 };
 
 // What one session alone met in the block and around it and touches nothing that was known, and how wide it is as far
@@ -184,7 +193,8 @@ std::vector<bool> Waiting(const BlockNeighbourhood& blocks, const MapFilterParam
       if (!MayWait(voxel)) return false;
       if (voxel.ground) return known.HasGroundBelow(at, kerb, time);
       if (known.HasNeighbour(at, time)) return false;
-      if (voxel.hits <= parameters.probation_hits * kCountScale && known.HasMap(at, time)) return true;
+      const bool few = voxel.hits <= parameters.probation_hits * kCountScale && !known.HasFirmNeighbour(at);
+      if (few && known.HasMap(at, time)) return true;
       return known.HasGroundBelow(at, height, time) && is_narrow(at);
     };
     waiting.push_back(waits());

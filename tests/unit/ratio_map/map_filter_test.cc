@@ -208,9 +208,22 @@ TEST(MapFilter, WhatFewScansMetWaitsWhereTheMapKnewAnythingNear) {
     map.FilterAll();
     return map;
   };
-  EXPECT_EQ(StaticCount(filtered(3), near), 0) << "behind the wall, where no ground was known";
-  EXPECT_EQ(StaticCount(filtered(4), near), 128);
-  EXPECT_EQ(StaticCount(filtered(3), far), 128) << "7 m beyond the map";
+  EXPECT_EQ(StaticCount(filtered(1), near), 0) << "behind the wall, where no ground was known";
+  EXPECT_EQ(StaticCount(filtered(2), near), 128);
+  EXPECT_EQ(StaticCount(filtered(1), far), 128) << "7 m beyond the map";
+}
+
+TEST(MapFilter, WhatFewScansMetBesideWhatManyMetIsMoreOfThat) {
+  const auto car = Box({2, 28, 5}, {16, 2, 3}), roof = Box({2, 28, 8}, {16, 2, 1});
+  Map map = Road();
+  for (const VoxelIndex& at : car) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+  for (const VoxelIndex& at : roof) {
+    Voxel voxel = SeenOn(kSecondDay, kSecondDay);
+    voxel.hits = kCountScale;
+    map.Put(at, voxel);
+  }
+  map.FilterAll();
+  EXPECT_EQ(StaticCount(map, roof), 32);
 }
 
 TEST(MapFilter, GroundOnTopOfKnownGroundWaits) {
