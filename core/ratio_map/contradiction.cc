@@ -21,7 +21,7 @@ class Neighbourhood {
  public:
   Neighbourhood(const BlockNeighbourhood& map, const SessionNeighbourhood& session, int margin,
                 const MergeParameters& parameters)
-      : margin_(margin), edge_(kBlockSize + 2 * margin), said_(static_cast<size_t>(edge_) * edge_ * edge_) {
+      : said_(margin) {
     for (int i = 0; i < 27; ++i) {
       if (map[i] != nullptr) {
         for (const Voxel& voxel : map[i]->voxels) {
@@ -33,7 +33,7 @@ class Neighbourhood {
         if (voxel.ground && voxel.hits > 0) {
           Set(at, Said::kNothing);
         } else if (IsContradicted(voxel, parameters)) {
-          if (IsInside(at) && Of(at) == Said::kLittle) Set(at, Said::kContradicted);
+          if (said_.Has(at) && said_[at] == Said::kLittle) said_[at] = Said::kContradicted;
         } else if (voxel.hits > 0 || voxel.was_removed) {
           Set(at, Said::kMet);
         }
@@ -41,23 +41,14 @@ class Neighbourhood {
     }
   }
 
-  Said Of(const VoxelIndex& at) const { return said_[SlotOf(at)]; }
+  Said Of(const VoxelIndex& at) const { return said_[at]; }
 
  private:
-  bool IsInside(const VoxelIndex& at) const {
-    return IsWithin(at.x, margin_) && IsWithin(at.y, margin_) && IsWithin(at.z, margin_);
-  }
   void Set(const VoxelIndex& at, Said said) {
-    if (IsInside(at)) said_[SlotOf(at)] = said;
-  }
-  size_t SlotOf(const VoxelIndex& at) const {
-    return (static_cast<size_t>(at.z + margin_) * edge_ + static_cast<size_t>(at.y + margin_)) * edge_ +
-           static_cast<size_t>(at.x + margin_);
+    if (said_.Has(at)) said_[at] = said;
   }
 
-  const int margin_;
-  const size_t edge_;
-  std::vector<Said> said_;
+  ValuesAround<Said> said_;
 };
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 
 #include "core/ratio_map/neighbourhood.h"
@@ -18,11 +17,11 @@ constexpr int kSides = 2;      // of four
 class Arrivals {
  public:
   Arrivals(const BlockNeighbourhood& blocks, int reach, const MapFilterParameters& parameters)
-      : reach_(reach), edge_(kBlockSize + 2 * reach), first_seen_(static_cast<size_t>(edge_) * edge_ * kBlockSize) {
+      : reach_(reach), first_seen_({-reach, -reach, 0}, {kBlockSize + reach, kBlockSize + reach, kBlockSize}) {
     ForEachWithin(blocks, reach, [&](const Voxel& voxel, const VoxelIndex& at, bool) {
       if (voxel.ground || !IsWithin(at.z, 0) || voxel.hits < kFirmScans * kCountScale) return;
       if (Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta) < parameters.stability_threshold) return;
-      first_seen_[SlotOf(at)] = voxel.first_seen;
+      first_seen_[at] = voxel.first_seen;
       latest_ = std::max(latest_, voxel.first_seen);
     });
   }
@@ -36,7 +35,7 @@ class Arrivals {
     for (const auto& [dx, dy] : kSteps) {
       bool found = false;
       for (int i = 1; i <= reach_ && !found; ++i) {
-        found = first_seen_[SlotOf({voxel.x + i * dx, voxel.y + i * dy, voxel.z})] > time;
+        found = first_seen_[{voxel.x + i * dx, voxel.y + i * dy, voxel.z}] > time;
       }
       sides += found ? 1 : 0;
     }
@@ -44,14 +43,8 @@ class Arrivals {
   }
 
  private:
-  size_t SlotOf(const VoxelIndex& at) const {
-    return (static_cast<size_t>(at.z) * edge_ + static_cast<size_t>(at.y + reach_)) * edge_ +
-           static_cast<size_t>(at.x + reach_);
-  }
-
   const int reach_;
-  const int edge_;
-  std::vector<uint32_t> first_seen_;  // 0: nothing stands there
+  ValuesAround<uint32_t> first_seen_;  // 0: nothing stands there
   uint32_t latest_ = 0;
 };
 

@@ -1,9 +1,7 @@
 #include "core/ratio_map/forgetting.h"
 
 #include <algorithm>
-#include <bitset>
 #include <iterator>
-#include <memory>
 
 #include "core/ratio_map/cohorts.h"
 #include "core/ratio_map/neighbourhood.h"
@@ -13,36 +11,6 @@ namespace {
 
 // Of the 26 voxels around one: fewer are leaves and edges that a few rays missed.
 constexpr int kMinBeside = 5;
-
-// Voxels of the centre block and one voxel around it.
-class Marks {
- public:
-  Marks() : bits_(std::make_unique<std::bitset<kEdge * kEdge * kEdge>>()) {}
-
-  void Set(const VoxelIndex& at) {
-    if (IsWithin(at.x, 1) && IsWithin(at.y, 1) && IsWithin(at.z, 1)) bits_->set(SlotOf(at));
-  }
-  int CountBeside(const VoxelIndex& at) const {
-    int count = 0;
-    for (int z = at.z - 1; z <= at.z + 1; ++z) {
-      for (int y = at.y - 1; y <= at.y + 1; ++y) {
-        for (int x = at.x - 1; x <= at.x + 1; ++x) {
-          count += bits_->test(SlotOf({x, y, z})) ? 1 : 0;
-        }
-      }
-    }
-    return count;
-  }
-
- private:
-  static constexpr size_t kEdge = kBlockSize + 2;
-  static size_t SlotOf(const VoxelIndex& at) {
-    return (static_cast<size_t>(at.z + 1) * kEdge + static_cast<size_t>(at.y + 1)) * kEdge +
-           static_cast<size_t>(at.x + 1);
-  }
-
-  std::unique_ptr<std::bitset<kEdge * kEdge * kEdge>> bits_;
-};
 
 std::vector<uint16_t> Contradicted(const Block& block, std::span<const SessionVoxel> session,
                                    const MergeParameters& parameters) {
@@ -80,18 +48,23 @@ Block Remembered(const Block& block, const std::array<const Departed*, 27>& depa
     return of != nullptr && !(of->forgotten.empty() && of->contradicted.empty());
   });
   if (!any) return remembered;
-  Marks left;
+  ValuesAround<uint8_t> left(1);
   for (int i = 0; i < 27; ++i) {
     if (departed[i] == nullptr) continue;
     for (const auto* positions : {&departed[i]->forgotten, &departed[i]->contradicted}) {
-      for (const uint16_t position : *positions) left.Set(IndexIn(position, i));
+      for (const uint16_t position : *positions) {
+        if (const VoxelIndex at = IndexIn(position, i); left.Has(at)) left[at] = 1;
+      }
     }
   }
   auto next = session.begin();
   for (Voxel& voxel : remembered.voxels) {
     while (next != session.end() && PositionInBlock(next->key) < voxel.position) ++next;
     const bool met = next != session.end() && PositionInBlock(next->key) == voxel.position && next->hits > 0;
-    if (met && left.CountBeside(IndexIn(voxel.position)) >= kMinBeside) voxel.mask = 0;
+    if (!met) continue;
+    int beside = 0;
+    ForEachBeside(IndexIn(voxel.position), 1, [&](const VoxelIndex& at) { beside += left[at]; });
+    if (beside >= kMinBeside) voxel.mask = 0;
   }
   return remembered;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -12,7 +11,7 @@
 namespace mapkeep {
 namespace {
 
-constexpr int kMargin = 8;     // the edge of a cell, voxels
+constexpr int kCellBits = 3;   // of the edge of a cell: 8 voxels
 constexpr int kFollowed = 12;  // voxels around the block as far as widths are followed
 constexpr double kKerb = 0.4;  // metres of ground on ground
 constexpr int kFirmScans = 3;  // that ground was met by
@@ -30,24 +29,21 @@ class Known {
  public:
   Known(const BlockNeighbourhood& blocks, const MapFilterParameters& parameters)
       : depth_(std::max(VoxelsOf(parameters.probation_height, parameters), VoxelsOf(kKerb, parameters))),
-        ground_(static_cast<size_t>(kBlockSize) * kBlockSize * (kBlockSize + depth_), kNever),
-        standing_(static_cast<size_t>(kEdge) * kEdge * kEdge, kNever),
-        firm_(standing_.size()),
-        cells_(static_cast<size_t>(kCells) * kCells * kCells, kNever) {
+        ground_({0, 0, -depth_}, {kBlockSize, kBlockSize, kBlockSize}, kNever),
+        standing_(kStanding, kNever),
+        firm_(kStanding),
+        cells_({-1, -1, -1}, {kCells, kCells, kCells}, kNever) {
     ForEachWithin(blocks, std::max(kStanding, depth_), [&](const Voxel& voxel, const VoxelIndex& at, bool) {
-      if (IsWithin(at.x, kMargin) && IsWithin(at.y, kMargin) && IsWithin(at.z, kMargin)) {
-        uint32_t& cell = cells_[CellSlot({CellOf(at.x), CellOf(at.y), CellOf(at.z)})];
+      if (cells_.Has(CellOf(at))) {
+        uint32_t& cell = cells_[CellOf(at)];
         cell = std::min(cell, voxel.first_seen);
       }
       if (voxel.ground) {
-        if (IsWithin(at.x, 0) && IsWithin(at.y, 0) && at.z < kBlockSize && voxel.hits >= kFirmScans * kCountScale) {
-          ground_[GroundSlot(at.x, at.y, at.z)] = voxel.first_seen;
-        }
-      } else if (IsWithin(at.x, kStanding) && IsWithin(at.y, kStanding) && IsWithin(at.z, kStanding) &&
-                 Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta) >=
-                     parameters.stability_threshold) {
-        standing_[StandingSlot(at)] = voxel.first_seen;
-        firm_[StandingSlot(at)] = voxel.hits >= 2 * parameters.probation_hits * kCountScale;
+        if (ground_.Has(at) && voxel.hits >= kFirmScans * kCountScale) ground_[at] = voxel.first_seen;
+      } else if (standing_.Has(at) && Stability(voxel.hits, voxel.exposures, kCountScale * parameters.eta) >=
+                                          parameters.stability_threshold) {
+        standing_[at] = voxel.first_seen;
+        firm_[at] = voxel.hits >= 2 * parameters.probation_hits * kCountScale;
       }
     });
   }
@@ -55,92 +51,66 @@ class Known {
   // Whether ground at most `depth` voxels below was known before `time`: whoever met it looked over it.
   bool HasGroundBelow(const VoxelIndex& voxel, int depth, uint32_t time) const {
     for (int z = voxel.z - 1; z >= voxel.z - depth; --z) {
-      if (ground_[GroundSlot(voxel.x, voxel.y, z)] < time) return true;
+      if (ground_[{voxel.x, voxel.y, z}] < time) return true;
     }
     return false;
   }
 
   // Whether a neighbour was known before `time`: then the voxel is more of that.
   bool HasNeighbour(const VoxelIndex& voxel, uint32_t time) const {
-    return AnyAround(voxel, [&](const VoxelIndex& at) { return standing_[StandingSlot(at)] < time; });
+    return AnyAround(voxel, [&](const VoxelIndex& at) { return standing_[at] < time; });
   }
 
   // Whether a neighbour, however new, was met by twice as many scans as what waits for its few: it is more of that.
   bool HasFirmNeighbour(const VoxelIndex& voxel) const {
-    return AnyAround(voxel, [&](const VoxelIndex& at) { return firm_[StandingSlot(at)]; });
+    return AnyAround(voxel, [&](const VoxelIndex& at) { return firm_[at] != 0; });
   }
 
   // Whether anything near was known before `time`: the map reached this far.
   bool HasMap(const VoxelIndex& voxel, uint32_t time) const {
-    return AnyAround({CellOf(voxel.x), CellOf(voxel.y), CellOf(voxel.z)},
-                     [&](const VoxelIndex& cell) { return cells_[CellSlot(cell)] < time; });
+    return AnyAround(CellOf(voxel), [&](const VoxelIndex& cell) { return cells_[cell] < time; });
   }
 
  private:
   static constexpr int kStanding = kFollowed + 1;  // voxels around the block, for the neighbours of what is followed
-  static constexpr int kEdge = kBlockSize + 2 * kStanding;
-  static constexpr int kCells = kBlockSize / kMargin + 2;
+  static constexpr int kCells = (kBlockSize >> kCellBits) + 1;
 
   template <typename Is>
   static bool AnyAround(const VoxelIndex& at, const Is& is) {
-    for (int z = at.z - 1; z <= at.z + 1; ++z) {
-      for (int y = at.y - 1; y <= at.y + 1; ++y) {
-        for (int x = at.x - 1; x <= at.x + 1; ++x) {
-          if (is(VoxelIndex{x, y, z})) return true;
-        }
-      }
-    }
-    return false;
+    bool any = false;
+    ForEachBeside(at, 1, [&](const VoxelIndex& beside) { any = any || is(beside); });
+    return any;
   }
 
-  static int32_t CellOf(int32_t c) { return (c + kMargin) / kMargin - 1; }
-  static size_t CellSlot(const VoxelIndex& cell) {
-    return (static_cast<size_t>(cell.z + 1) * kCells + static_cast<size_t>(cell.y + 1)) * kCells +
-           static_cast<size_t>(cell.x + 1);
-  }
-  size_t GroundSlot(int x, int y, int z) const {
-    return (static_cast<size_t>(z + depth_) * kBlockSize + static_cast<size_t>(y)) * kBlockSize +
-           static_cast<size_t>(x);
-  }
-  static size_t StandingSlot(const VoxelIndex& at) {
-    return (static_cast<size_t>(at.z + kStanding) * kEdge + static_cast<size_t>(at.y + kStanding)) * kEdge +
-           static_cast<size_t>(at.x + kStanding);
-  }
+  static VoxelIndex CellOf(const VoxelIndex& at) { return {at.x >> kCellBits, at.y >> kCellBits, at.z >> kCellBits}; }
 
   const int depth_;
-  std::vector<uint32_t> ground_, standing_;
-  std::vector<bool> firm_;
-  std::vector<uint32_t> cells_;
+  ValuesAround<uint32_t> ground_, standing_;
+  ValuesAround<uint8_t> firm_;
+  ValuesAround<uint32_t> cells_;
 };
 
 // What one session alone met in the block and around it and touches nothing that was known, and how wide it is as far
 // as it hangs together: a person beside a wall is no wider for it.
 class NewThings {
  public:
-  NewThings(const BlockNeighbourhood& blocks, const Known& known)
-      : things_(static_cast<size_t>(kEdge) * kEdge * kEdge, kNone) {
+  NewThings(const BlockNeighbourhood& blocks, const Known& known) : things_(kFollowed, kNone) {
     std::vector<VoxelIndex> open;
     ForEachWithin(blocks, kFollowed, [&](const Voxel& voxel, const VoxelIndex& at, bool) {
       if (voxel.ground || !MayWait(voxel) || known.HasNeighbour(at, voxel.first_seen)) return;
-      things_[SlotOf(at)] = kUnknown;
+      things_[at] = kUnknown;
       open.push_back(at);
     });
     for (const VoxelIndex& at : open) {
-      if (things_[SlotOf(at)] == kUnknown) Follow(at);
+      if (things_[at] == kUnknown) Follow(at);
     }
   }
 
   // Voxels from one side to the other, the larger of x and y.
-  int WidthAt(const VoxelIndex& voxel) const { return widths_[static_cast<size_t>(things_[SlotOf(voxel)])]; }
+  int WidthAt(const VoxelIndex& voxel) const { return widths_[static_cast<size_t>(things_[voxel])]; }
 
  private:
-  static constexpr int kEdge = kBlockSize + 2 * kFollowed;
   static constexpr int32_t kNone = -1, kUnknown = -2;
-
-  static size_t SlotOf(const VoxelIndex& at) {
-    return (static_cast<size_t>(at.z + kFollowed) * kEdge + static_cast<size_t>(at.y + kFollowed)) * kEdge +
-           static_cast<size_t>(at.x + kFollowed);
-  }
 
   // Neighbours of neighbours hang together: a car far away is lines with gaps.
   void Follow(const VoxelIndex& start) {
@@ -148,28 +118,23 @@ class NewThings {
     const auto thing = static_cast<int32_t>(widths_.size());
     VoxelIndex low = start, high = start;
     std::vector<VoxelIndex> reached = {start};
-    things_[SlotOf(start)] = thing;
+    things_[start] = thing;
     while (!reached.empty()) {
       const VoxelIndex at = reached.back();
       reached.pop_back();
       low = {std::min(low.x, at.x), std::min(low.y, at.y), 0};
       high = {std::max(high.x, at.x), std::max(high.y, at.y), 0};
-      for (int z = at.z - kGap; z <= at.z + kGap; ++z) {
-        for (int y = at.y - kGap; y <= at.y + kGap; ++y) {
-          for (int x = at.x - kGap; x <= at.x + kGap; ++x) {
-            if (!IsWithin(x, kFollowed) || !IsWithin(y, kFollowed) || !IsWithin(z, kFollowed)) continue;
-            if (things_[SlotOf({x, y, z})] != kUnknown) continue;
-            things_[SlotOf({x, y, z})] = thing;
-            reached.push_back({x, y, z});
-          }
-        }
-      }
+      ForEachBeside(at, kGap, [&](const VoxelIndex& beside) {
+        if (!things_.Has(beside) || things_[beside] != kUnknown) return;
+        things_[beside] = thing;
+        reached.push_back(beside);
+      });
     }
     widths_.push_back(std::max(high.x - low.x, high.y - low.y) + 1);
   }
 
-  std::vector<int32_t> things_;  // of each voxel
-  std::vector<int> widths_;      // of each thing
+  ValuesAround<int32_t> things_;  // of each voxel
+  std::vector<int> widths_;       // of each thing
 };
 
 }  // namespace

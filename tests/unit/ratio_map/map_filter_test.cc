@@ -286,6 +286,19 @@ TEST(MapFilter, WhatHangsHighAboveKnownGroundIsStaticAtOnce) {
   EXPECT_EQ(StaticCount(map, sign), 16);
 }
 
+TEST(MapFilter, GroundFarBelowTheProbationHeightKeepsNothingWaiting) {
+  const auto road = Box({0, 0, -13}, {20, 20, 1}), sign = Box({8, 8, 0}, {2, 2, 4});
+  const auto static_signs = [&](double probation_height) {
+    Map map;
+    for (const VoxelIndex& at : road) map.Put(at, SeenOn(kFirstDay, kSecondDay, true));
+    for (const VoxelIndex& at : sign) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+    map.FilterAll({.probation_height = probation_height, .probation_width = 0});
+    return StaticCount(map, sign);
+  };
+  EXPECT_EQ(static_signs(1), 16);
+  EXPECT_EQ(static_signs(3), 4) << "the topmost layer is higher up";
+}
+
 TEST(MapFilter, NothingWaitsIfNobodyWantsIt) {
   const auto person = Box({8, 8, 5}, {2, 2, 8});
   Map map = Road();
