@@ -505,7 +505,7 @@ std::vector<Setting> MakeSettings() {
       Number(
           "filter.enclosure_reach", MAPKEEP_FIELD(stages.filter.enclosure_reach), 0, 6.4,
           "Metres within which something newer stands on two of four sides of a voxel that no session has met since, "
-          "for it to be gone; 0: off"),
+          "or on one if it was ever looked through, for it to be gone; 0: off"),
   };
 }
 

@@ -10,8 +10,10 @@
 namespace mapkeep {
 namespace {
 
-constexpr int kFirmScans = 3;  // that what encloses was met by
-constexpr int kSides = 2;      // of four
+constexpr int kFirmScans = 5;  // that what encloses was met by
+// Of four.
+constexpr int kSides = 2;
+constexpr int kSidesOfSeenThrough = 1;  // of what was looked through at all
 
 // When what stands in the block and `reach` voxels around it in its layers came.
 class Arrivals {
@@ -56,12 +58,13 @@ std::vector<bool> Enclosed(const BlockNeighbourhood& blocks, const MapFilterPara
   if (reach <= 0) return {};
   const std::vector<Voxel>& voxels = blocks[kCentre]->voxels;
   const Arrivals arrivals(blocks, reach, parameters);
-  const auto may_be = [&](const Voxel& voxel) { return !voxel.ground && voxel.last_seen < arrivals.latest(); };
+  const auto may_be = [&](const Voxel& voxel) { return voxel.last_seen < arrivals.latest(); };
   if (std::ranges::none_of(voxels, may_be)) return {};
   std::vector<bool> enclosed;
   enclosed.reserve(voxels.size());
   for (const Voxel& voxel : voxels) {
-    enclosed.push_back(may_be(voxel) && arrivals.SidesAfter(IndexIn(voxel.position), voxel.last_seen) >= kSides);
+    const int sides = voxel.exposures >= kCountScale ? kSidesOfSeenThrough : kSides;
+    enclosed.push_back(may_be(voxel) && arrivals.SidesAfter(IndexIn(voxel.position), voxel.last_seen) >= sides);
   }
   return enclosed;
 }

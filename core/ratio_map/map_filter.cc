@@ -91,9 +91,12 @@ std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapF
   for (size_t i = 0; i < waiting.size(); ++i) {
     if (waiting[i]) verdicts[i] = MapVerdict::kNew;
   }
-  // The ground is neither a candidate nor isolated noise, nor enclosed.
-  if (std::ranges::all_of(voxels, &Voxel::ground)) return verdicts;
   const std::vector<bool> enclosed = Enclosed(blocks, parameters);
+  for (size_t i = 0; i < enclosed.size(); ++i) {
+    if (enclosed[i]) verdicts[i] = MapVerdict::kGone;
+  }
+  // The ground is neither a candidate nor isolated noise.
+  if (std::ranges::all_of(voxels, &Voxel::ground)) return verdicts;
   const std::vector<bool> dynamic = DynamicCandidates(blocks, parameters);
   const Occupancy occupancy(blocks);
   size_t next_candidate = 0;
@@ -101,7 +104,7 @@ std::vector<MapVerdict> FilterBlock(const BlockNeighbourhood& blocks, const MapF
     const bool gone = IsCandidate(voxels[i], parameters) && dynamic[next_candidate++];
     const bool isolated =
         !voxels[i].ground && occupancy.NeighboursOf(IndexIn(voxels[i].position)) < parameters.isolated_min_neighbours;
-    if (gone || isolated || (!enclosed.empty() && enclosed[i])) verdicts[i] = MapVerdict::kGone;
+    if (gone || isolated) verdicts[i] = MapVerdict::kGone;
   }
   return verdicts;
 }

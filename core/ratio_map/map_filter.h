@@ -29,8 +29,8 @@ struct MapFilterParameters {
   /// What one session alone has met in at most so many scans, and that touches neither what was known nor what twice as
   /// many met, waits too, however wide, where the map knew anything near. 0: none does.
   int probation_hits = 1;
-  /// What stands within so many metres on two of four sides of a voxel that no session has met since: the voxel is
-  /// inside something newer, and gone. 0: nothing is.
+  /// What stands within so many metres on two of four sides of a voxel that no session has met since, or on one of one
+  /// that was ever looked through: the voxel is inside something newer, and gone. 0: nothing is.
   double enclosure_reach = 2.4;
 };
 

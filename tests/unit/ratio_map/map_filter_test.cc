@@ -260,6 +260,27 @@ TEST(MapFilter, WhatIsInsideANewerThingIsGoneUntilItIsMetAgain) {
   EXPECT_EQ(StaticCount(filtered(kFirstDay, {.enclosure_reach = 0}), old), 12) << "switched off";
 }
 
+TEST(MapFilter, WhatWasLookedThroughBesideANewerThingIsGone) {
+  // A wall of the second day, and before it what the first day left.
+  const auto wall = Box({4, 9, 5}, {14, 1, 6}), post = Box({10, 6, 6}, {2, 1, 4}), kerb = Box({6, 6, 5}, {2, 1, 1});
+  const auto filtered = [&](double exposures, uint32_t last_seen) {
+    Map map = Road();
+    for (const VoxelIndex& at : wall) map.Put(at, SeenOn(kSecondDay, kSecondDay));
+    for (const auto& [part, ground] : {std::pair{post, false}, {kerb, true}}) {
+      for (const VoxelIndex& at : part) {
+        Voxel voxel = SeenOn(kFirstDay, last_seen, ground);
+        voxel.exposures = static_cast<uint16_t>(exposures * kCountScale);
+        map.Put(at, voxel);
+      }
+    }
+    map.FilterAll();
+    return StaticCount(map, post) + StaticCount(map, kerb);
+  };
+  EXPECT_EQ(filtered(1, kFirstDay), 0);
+  EXPECT_EQ(filtered(0.5, kFirstDay), 10) << "not by a whole scan";
+  EXPECT_EQ(filtered(1, kSecondDay), 10) << "met when the wall was";
+}
+
 TEST(MapFilter, WhereNothingWasKnownWhatIsNewIsStaticAtOnce) {
   const auto beyond = Box({8, 21, 5}, {2, 2, 8});
   Map map = Road();
