@@ -29,10 +29,19 @@ uint64_t PlaceOf(uint32_t id, const Pose& pose) {
              (1U << 31);
 }
 
-bool CanLeave(const SceneObject& object) {
+// What a map of changes has to tell. People and lorries that wait through a whole session may be told.
+bool HasToBeTold(const SceneObject& object) {
   return object.kind == ObjectKind::kCar || object.kind == ObjectKind::kConstruction ||
          object.kind == ObjectKind::kFence || object.kind == ObjectKind::kBuilding;
 }
+
+bool CanLeave(const SceneObject& object) {
+  return HasToBeTold(object) || object.kind == ObjectKind::kLorry || object.kind == ObjectKind::kCyclist ||
+         object.kind == ObjectKind::kPedestrian;
+}
+
+// Whether it stands where its track begins through the whole session.
+bool Stays(const SceneObject& object) { return IsThere(object.state) && object.state != ObjectState::kMoving; }
 
 Eigen::AlignedBox3d BoxOf(const SimulatedSession& session, const SceneObject& object, const Pose& pose) {
   const auto& [low, high] = session.mesh_bounds[object.mesh];
@@ -130,6 +139,11 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
   }
 
   std::vector<TrueChange> changes;
+  const absl::flat_hash_set<uint64_t> stood = std::move(standing_);
+  standing_.clear();
+  for (const SceneObject& object : session.objects) {
+    if (CanLeave(object) && Stays(object)) standing_.insert(PlaceOf(object.id, object.track.front().pose));
+  }
   for (const SceneObject& object : session.objects) {
     if (!CanLeave(object)) continue;
     const Pose& pose = object.track.front().pose;
@@ -140,26 +154,32 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       const auto before = known_.find(PlaceOf(object.id, from));
       const bool known = before != known_.end();
       if (known && !before->second.gone.has_value()) before->second.gone = day_;
+      changes.push_back(
+          {.id = object.id,
+           .kind = std::string(NameOf(object.kind)),
+           .appeared = false,
+           .required = known && RequiresTelling(before->second) && IsLookedAt(BoxOf(session, object, from), beams_),
+           .parked_days = known ? before->second.last_day - before->second.first_day + 1 : 0,
+           .box = BoxOf(session, object, from)});
+    };
+    const auto came = [&] {
       changes.push_back({.id = object.id,
                          .kind = std::string(NameOf(object.kind)),
-                         .appeared = false,
-                         .required = known && before->second.last_day == day_ - 1 &&
-                                     before->second.points.size() >= kRequiredCells &&
-                                     IsLookedAt(BoxOf(session, object, from), beams_),
-                         .parked_days = known ? before->second.last_day - before->second.first_day + 1 : 0,
-                         .box = BoxOf(session, object, from)});
+                         .appeared = true,
+                         .required = HasToBeTold(object) && seen_cells >= kRequiredCells &&
+                                     IsLookedAt(BoxOf(session, object, pose), beams_yesterday_),
+                         .box = BoxOf(session, object, pose)});
     };
+    if (object.previous.has_value()) went(*object.previous);
     switch (object.state) {
       case ObjectState::kArrived:
       case ObjectState::kBuilt:
       case ObjectState::kMoved:
-        changes.push_back(
-            {.id = object.id,
-             .kind = std::string(NameOf(object.kind)),
-             .appeared = true,
-             .required = seen_cells >= kRequiredCells && IsLookedAt(BoxOf(session, object, pose), beams_yesterday_),
-             .box = BoxOf(session, object, pose)});
-        if (object.previous.has_value()) went(*object.previous);
+        came();
+        break;
+      case ObjectState::kParked:
+        // Traffic that waits through the whole session is new like what was parked in the night.
+        if (day_ > 0 && !stood.contains(place)) came();
         break;
       case ObjectState::kLeft:
       case ObjectState::kTornDown:
@@ -175,19 +195,36 @@ std::vector<TrueChange> LifelongTruth::AddDay(const SimulatedSession& session, s
       default:
         break;
     }
-    const bool stands = object.state != ObjectState::kLeft && object.state != ObjectState::kTornDown &&
-                        object.state != ObjectState::kMoving;
-    if (!stands || seen == of_object.end()) continue;
-    Known& known =
-        known_.try_emplace(place, Known{.first_day = day_, .last_day = day_, .box = BoxOf(session, object, pose)})
-            .first->second;
+    if (!Stays(object) || seen == of_object.end()) continue;
+    Known& known = known_
+                       .try_emplace(place, Known{.kind = std::string(NameOf(object.kind)),
+                                                 .has_to_be_told = HasToBeTold(object),
+                                                 .first_day = day_,
+                                                 .last_day = day_,
+                                                 .box = BoxOf(session, object, pose)})
+                       .first->second;
     known.last_day = day_;
     known.gone.reset();
     for (const Eigen::Vector3f& point : seen->second.first) {
       if (known.cells.insert(PointCells::CellOf(point.cast<double>())).second) known.points.push_back(point);
     }
   }
+  // Traffic that waited through a whole session is no object of the next one.
+  for (auto& [place, known] : known_) {
+    if (known.gone.has_value() || standing_.contains(place)) continue;
+    known.gone = day_;
+    changes.push_back({.id = static_cast<uint32_t>(place >> 32),
+                       .kind = known.kind,
+                       .appeared = false,
+                       .required = RequiresTelling(known) && IsLookedAt(known.box, beams_),
+                       .parked_days = known.last_day - known.first_day + 1,
+                       .box = known.box});
+  }
   return changes;
+}
+
+bool LifelongTruth::RequiresTelling(const Known& known) const {
+  return known.has_to_be_told && known.last_day == day_ - 1 && known.points.size() >= kRequiredCells;
 }
 
 std::array<uint64_t, 2> LifelongTruth::MovingPointsIn(const Eigen::AlignedBox3d& box) const {

@@ -88,12 +88,17 @@ class LifelongTruth {
  private:
   /// One object through the days.
   struct Known {
+    std::string kind;
+    bool has_to_be_told = false;
     int first_day = 0, last_day = 0;  ///< on which it was seen to stand there
     std::optional<int> gone;          ///< the first day on which it is not there any more
     Eigen::AlignedBox3d box;
     std::vector<Eigen::Vector3f> points;  ///< thinned
     absl::flat_hash_set<uint64_t> cells;  ///< of them
   };
+  /// Whether its going today has to be told, if somebody looks.
+  bool RequiresTelling(const Known& known) const;
+
   struct Point {
     Eigen::Vector3f position;
     uint32_t id = 0;
@@ -113,6 +118,7 @@ class LifelongTruth {
   std::vector<Point> static_points_;           ///< thinned
   std::vector<Point> moving_points_;
   std::vector<Point> moved_yesterday_;
+  absl::flat_hash_set<uint64_t> standing_;      ///< today, by id and place: what can leave, seen or not
   absl::flat_hash_map<uint64_t, Known> known_;  ///< by id and place: what can leave
 };
 
