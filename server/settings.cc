@@ -479,6 +479,10 @@ std::vector<Setting> MakeSettings() {
              "Share of it that the later session may meet at most"),
       Number("merge.cohort_reach", MAPKEEP_FIELD(stages.merge.cohort_reach), 0, 6,
              "Metres around it, in cells of half of that"),
+      Number(
+          "merge.remnant_share", MAPKEEP_FIELD(stages.merge.remnant_share), 0, 1,
+          "Of the voxels of a new thing beside which the session removed something, above which it is what is left of "
+          "what moved, and not merged; 1: everything is merged"),
 
       Number("filter.eta", MAPKEEP_FIELD(stages.filter.eta), 1e-9, 1, "eta of eq. 4, scans"),
       Number("filter.stability_threshold", MAPKEEP_FIELD(stages.filter.stability_threshold), 0, 1,

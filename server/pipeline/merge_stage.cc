@@ -10,6 +10,7 @@
 #include "core/dor/exposure.h"
 #include "core/ratio_map/forgetting.h"
 #include "core/ratio_map/merge.h"
+#include "core/ratio_map/remnants.h"
 #include "server/pipeline/parallel.h"
 #include "server/pipeline/stages.h"
 
@@ -138,14 +139,19 @@ BlockNeighbourhood BlocksAround(const BlockTable& table, BlockKey block) {
   return around;
 }
 
+SessionNeighbourhood SessionAround(std::span<const Touch> touched, BlockKey block) {
+  SessionNeighbourhood around;
+  ForEachTouchAround(touched, block, [&](size_t i, size_t at) { around[i] = touched[at].voxels; });
+  return around;
+}
+
 // What the session says has left each touched block, in their order.
 std::vector<Departed> DepartedFromAll(const BlockTable& table, std::span<const Touch> touched, double voxel_size,
                                       const MergeParameters& parameters) {
   std::vector<Departed> departed(touched.size());
   tbb::parallel_for(size_t{0}, touched.size(), [&](size_t i) {
-    SessionNeighbourhood session;
-    ForEachTouchAround(touched, touched[i].key, [&](size_t n, size_t at) { session[n] = touched[at].voxels; });
-    departed[i] = DepartedFrom(BlocksAround(table, touched[i].key), session, voxel_size, parameters);
+    departed[i] = DepartedFrom(BlocksAround(table, touched[i].key), SessionAround(touched, touched[i].key), voxel_size,
+                               parameters);
   });
   return departed;
 }
@@ -158,6 +164,18 @@ Block RememberedOf(const BlockTable& table, std::span<const Touch> touched, std:
   std::array<const Departed*, 27> around{};
   ForEachTouchAround(touched, touch.key, [&](size_t n, size_t at) { around[n] = &departed[at]; });
   return Remembered(*old, around, touch.voxels);
+}
+
+// What the session has to say of a touched block, without what is left in it of what moved.
+std::vector<SessionVoxel> News(const BlockTable& table, std::span<const Touch> touched, const Touch& touch,
+                               const MergeParameters& parameters) {
+  const std::vector<uint16_t> remnants =
+      RemnantsIn(BlocksAround(table, touch.key), SessionAround(touched, touch.key), parameters);
+  std::vector<SessionVoxel> news(touch.voxels.begin(), touch.voxels.end());
+  std::erase_if(news, [&](const SessionVoxel& voxel) {
+    return std::ranges::binary_search(remnants, PositionInBlock(voxel.key));
+  });
+  return news;
 }
 
 // The block with its verdicts renewed.
@@ -199,7 +217,7 @@ absl::StatusOr<MergeResult> MergeIntoMap(const Snapshot& head, const MergeInput&
   std::vector<Block> merged(touched.size());
   const absl::Status merging = ParallelFor(touched.size(), [&](size_t i) {
     const Block old = RememberedOf(before, touched, departed, touched[i]);
-    merged[i] = MergeBlock(old, touched[i].voxels, input.session, merge);
+    merged[i] = MergeBlock(old, News(before, touched, touched[i], merge), input.session, merge);
     return absl::OkStatus();
   });
   if (!merging.ok()) return merging;

@@ -437,6 +437,8 @@ int Main(int count, char** arguments) {
       ->capture_default_str();
   app.add_option("--cohort", options.stages.merge.cohort_looked_through, "As merge.cohort_looked_through; above 1: off")
       ->capture_default_str();
+  app.add_option("--remnant-share", options.stages.merge.remnant_share, "As merge.remnant_share; 1: off")
+      ->capture_default_str();
   app.add_option("--cohort-met", options.stages.merge.cohort_met, "As merge.cohort_met")->capture_default_str();
   app.add_option("--cache", options.cache, "Directory that keeps the scans");
   app.add_flag("!--true-poses", options.align, "Do not align: take the true poses");

@@ -11,6 +11,7 @@
 #include <bit>
 #include <chrono>
 #include <cstdio>
+#include <iterator>
 #include <map>
 #include <numeric>
 #include <set>
@@ -22,6 +23,7 @@
 #include "core/ratio_map/forgetting.h"
 #include "core/ratio_map/map_filter.h"
 #include "core/ratio_map/merge.h"
+#include "core/ratio_map/remnants.h"
 #include "core/ratio_map/session_map.h"
 #include "tests/bench/kitti_directory.h"
 
@@ -82,17 +84,22 @@ std::set<BlockKey> Merge(BlockMap& map, const SessionMap& session, const MergePa
     begin = end;
   }
   std::map<BlockKey, Departed> departed;
+  std::map<BlockKey, std::vector<SessionVoxel>> news;  // without what is left of what moved
   for (const auto& [key, voxels] : of_block) {
     SessionNeighbourhood around;
     ForEachAround(of_block, key, [&](int n, std::span<const SessionVoxel> of) { around[n] = of; });
     departed[key] = DepartedFrom(BlocksAround(map, key), around, session.voxel_size, parameters);
+    const std::vector<uint16_t> remnants = RemnantsIn(BlocksAround(map, key), around, parameters);
+    std::ranges::copy_if(voxels, std::back_inserter(news[key]), [&](const SessionVoxel& voxel) {
+      return !std::ranges::binary_search(remnants, PositionInBlock(voxel.key));
+    });
   }
   std::set<BlockKey> touched;
   for (const auto& [key, voxels] : of_block) {
     std::array<const Departed*, 27> around{};
     ForEachAround(departed, key, [&](int n, const Departed& of) { around[n] = &of; });
     Block& block = map.try_emplace(key, Block{.key = key}).first->second;
-    block = MergeBlock(Remembered(block, around, voxels), voxels, session, parameters);
+    block = MergeBlock(Remembered(block, around, voxels), news[key], session, parameters);
     touched.insert(key);
   }
   return touched;
@@ -175,6 +182,7 @@ int Run(int count, char** arguments) {
   app.add_option("FIRST:LAST", ranges, "Frames of each session; none: one session of all frames");
   app.add_option("--probation", rules.filter.probation_height, "As filter.probation_height, metres; 0: nothing waits")
       ->capture_default_str();
+  app.add_option("--remnant-share", rules.merge.remnant_share, "As merge.remnant_share; 1: off")->capture_default_str();
   app.add_option("--probation-hits", rules.filter.probation_hits, "As filter.probation_hits")->capture_default_str();
   app.add_option("--enclosure", rules.filter.enclosure_reach, "As filter.enclosure_reach, metres; 0: off")
       ->capture_default_str();

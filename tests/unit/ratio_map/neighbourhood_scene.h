@@ -26,6 +26,12 @@ class NeighbourhoodScene {
     std::ranges::sort(voxels, {}, &SessionVoxel::key);
   }
 
+  /// Where the session had points, and removal took all of them.
+  void RemovedBySession(const VoxelIndex& at) {
+    InSession(at, 0, 5);
+    std::ranges::find(session_[BlockKeyOf(BlockOf(at))], VoxelKeyOf(at), &SessionVoxel::key)->was_removed = true;
+  }
+
   /// Whether a rule, such as ForgottenWithOthers, forgets the voxel of the map.
   template <typename Rule>
   bool Forgets(const Rule& rule, const VoxelIndex& at, const MergeParameters& parameters = {}) const {
