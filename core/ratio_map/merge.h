@@ -28,7 +28,7 @@ struct MergeParameters {
   double cohort_reach = 1.6;  ///< metres around it, in cells of half of that
   /// Share of the voxels of a new thing beside which the session removed something, above which it is what removal left
   /// of what moved, and not merged (core/ratio_map/remnants); 1: everything is merged.
-  double remnant_share = 0.5;
+  double remnant_share = 0.6;
 };
 
 /// Whether the session looked through the voxel and met nothing there that stays: what removal took is gone as well.

@@ -26,7 +26,7 @@ class Remnants : public testing::Test {
     }
   }
 
-  bool IsRemnant(const VoxelIndex& at, double share = 0.5) const {
+  bool IsRemnant(const VoxelIndex& at, double share = MergeParameters{}.remnant_share) const {
     const auto rule = [share](const BlockNeighbourhood& map, const SessionNeighbourhood& session, double,
                               MergeParameters parameters) {
       parameters.remnant_share = share;
